@@ -1,4 +1,4 @@
-//! How frames get from the simulated bus to the host: over an slcan adapter on a pseudo-terminal, or over a CAN
+//! Carries frames from the simulated bus to the host: over an slcan adapter on a pseudo-terminal, or over a CAN
 //! interface of the kernel.
 
 use std::io;
@@ -17,18 +17,18 @@ use crate::port::Tty;
 /// Where the host finds the bus.
 #[derive(Debug)]
 pub(crate) enum CanPort {
-    /// The master's end of a pseudo-terminal, with the adapter behind it; none while the adapter is unplugged.
+    /// The master's end of a pseudo-terminal, with the adapter behind it; `None` while the adapter is unplugged.
     Slcan { pty: Option<Tty>, adapter: Adapter },
     /// An interface of the kernel.
     Socket(Interface),
 }
 
-/// An interface of the kernel. One that goes away is looked for by its name until it is back.
+/// An interface of the kernel. If it goes away, the bench looks for its name until it is back.
 #[derive(Debug)]
 pub(crate) struct Interface {
     name: String,
     socket: Option<CanSocket>,
-    /// A frame that it did not take yet.
+    /// A frame that the interface did not take yet.
     waiting: Option<CanFrame>,
 }
 
@@ -39,7 +39,7 @@ impl Interface {
         Ok(socket)
     }
 
-    /// The socket, opened once more where it had to be closed.
+    /// The socket, opened again if it was closed.
     fn socket(&mut self) -> Option<&CanSocket> {
         if self.socket.is_none() {
             self.socket = Self::open(&self.name).ok();
@@ -47,7 +47,7 @@ impl Interface {
         self.socket.as_ref()
     }
 
-    /// `None`: nothing to read, for now.
+    /// `None`: there is nothing to read now.
     fn read(&mut self) -> io::Result<Option<socketcan::CanFrame>> {
         let Some(socket) = self.socket() else { return Ok(None) };
         match socket.read_frame() {
@@ -56,16 +56,16 @@ impl Interface {
         }
     }
 
-    /// Whether the interface has no room.
+    /// Returns whether the interface is full.
     fn write(&mut self, bench: &mut SimulatedBench) -> io::Result<bool> {
         while let Some(frame) = self.waiting.take().or_else(|| bench.output_can()) {
             let Some(raw) = to_socket(&frame) else { continue };
-            // What is said while there is no interface is lost, as on a bus without one.
+            // Frames are lost while there is no interface, as on a bus without a host.
             let Some(socket) = self.socket() else { continue };
             match socket.write_frame(&raw) {
                 Ok(()) => {}
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => self.waiting = Some(frame),
-                // The transmit queue is full: the kernel says either.
+                // The transmit queue is full: the kernel reports either error.
                 Err(error)
                     if error.kind() == io::ErrorKind::WouldBlock
                         || error.raw_os_error() == Some(Errno::ENOBUFS as i32) =>
@@ -81,7 +81,7 @@ impl Interface {
 
     fn understand(&mut self, error: io::Error) -> io::Result<()> {
         match error.raw_os_error().map(Errno::from_raw) {
-            // Switched off or unplugged: said once.
+            // The interface is switched off or unplugged. The kernel reports this only once.
             Some(Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO) => {
                 self.socket = None;
                 Ok(())
@@ -104,7 +104,7 @@ impl CanPort {
         Ok(Self::Socket(Interface { name: interface.to_owned(), socket, waiting: None }))
     }
 
-    /// What the host opens, as its bench file names it.
+    /// What the host opens, in the form of a bench file.
     pub(crate) fn name(&self) -> String {
         match self {
             Self::Slcan { pty, .. } => {
@@ -114,14 +114,14 @@ impl CanPort {
         }
     }
 
-    /// Pulls the adapter out, with what it held. An interface stays as it is.
+    /// Pulls the adapter out, with the frames that it holds. An interface of the kernel stays as it is.
     pub(crate) fn unplug(&mut self) {
         if let Self::Slcan { pty, adapter } = self {
             (*pty, *adapter) = (None, Adapter::default());
         }
     }
 
-    /// Plugs the adapter in; gives its new port.
+    /// Plugs the adapter in; returns its new port.
     pub(crate) fn plug_in(&mut self) -> io::Result<PathBuf> {
         let Self::Slcan { pty, adapter } = self else {
             return Err(io::Error::new(io::ErrorKind::Unsupported, "an interface has no cable to plug in"));
@@ -130,7 +130,7 @@ impl CanPort {
         Ok(pty.insert(Tty::pseudo_terminal()?).name.clone())
     }
 
-    /// What to wait for; `None` while the interface is away.
+    /// The descriptor to wait for; `None` while the interface is away.
     pub(crate) fn as_fd(&self) -> Option<BorrowedFd<'_>> {
         match self {
             Self::Slcan { pty, .. } => pty.as_ref().map(|pty| pty.end.as_fd()),
@@ -138,13 +138,13 @@ impl CanPort {
         }
     }
 
-    /// Takes what the host sent, as far as the bus has room.
+    /// Takes frames and lines of the host, as far as the bus has room.
     pub(crate) fn read(&mut self, bench: &mut SimulatedBench, now: Duration) -> io::Result<()> {
         while bench.can_room() > 0 {
             match self {
                 Self::Slcan { pty: None, .. } => return Ok(()),
                 Self::Slcan { pty: Some(pty), adapter } => {
-                    // As many bytes as the shortest frames may need: what is more stays in the port.
+                    // Read no more bytes than the shortest frames need; other bytes stay in the port.
                     let mut buffer = [0; 4096];
                     let room = (bench.can_room() * 5).min(buffer.len());
                     match nix::unistd::read(&pty.end, &mut buffer[..room]) {
@@ -175,11 +175,11 @@ impl CanPort {
         Ok(())
     }
 
-    /// Hands on what came off the bus; tells whether the port is full.
+    /// Hands on frames from the bus; returns whether the port is full.
     pub(crate) fn write(&mut self, bench: &mut SimulatedBench) -> io::Result<bool> {
         match self {
             Self::Slcan { pty, adapter } => {
-                // No more lines than a write takes, so that a host which does not read holds the bus up.
+                // Keep no more lines than a write takes, so that a host which does not read blocks the bus.
                 while adapter.output().len() < 4096
                     && let Some(frame) = bench.output_can()
                 {
@@ -201,7 +201,7 @@ impl CanPort {
         }
     }
 
-    /// Whether all that came off the bus is handed on.
+    /// Whether all frames from the bus are handed on.
     pub(crate) fn is_drained(&mut self) -> bool {
         match self {
             Self::Slcan { adapter, .. } => adapter.output().is_empty(),

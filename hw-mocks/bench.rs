@@ -1,10 +1,10 @@
-//! The simulated bench without its port: bytes and link time go in, bytes come out. Never does any I/O, never asks
-//! for the time.
+//! The simulated bench without its port: bytes and link time go in, bytes come out. It does no I/O and never asks for
+//! the time.
 //!
-//! Link time is wall time since any fixed moment. Bench time follows it N times as fast; at maximum speed it moves
-//! only while a request, a stream, a restart or a bench sleep is pending, from event to event, and only when
-//! everything said before has left through the port. Of samples alone it says 8 KiB before it looks at the
-//! port again: a system call costs as much as making a frame.
+//! Link time is wall time since any fixed moment. Bench time follows it N times as fast. At maximum speed bench time
+//! moves only while a request, a stream, a restart or a bench sleep is pending, from event to event. It moves only
+//! after all earlier output has left through the port. Samples are an exception: the bench makes 8 KiB of them before
+//! it looks at the port again, since a system call costs as much as making a frame.
 
 mod hands;
 mod truth;
@@ -28,27 +28,27 @@ use crate::turntable::SimulatedTable;
 use crate::wire_faults::FaultyWire;
 use crate::world::{TrueSite, World};
 
-/// Samples waiting for so much time of the line, beyond which the board drops new ones.
+/// Line time of the waiting samples beyond which the board drops new ones.
 const SAMPLES_WAIT_S: f64 = 0.7;
-/// Samples are handed to the line while it is busy for less than this: an ACCEPT waits so long behind them, and for
-/// one frame more, of the 50 ms and one frame that a host gives it.
+/// Samples are handed to the line while it is busy for less than this. An ACCEPT waits this long behind them and for
+/// one frame more; a host allows 50 ms and one frame.
 const SAMPLES_AHEAD_S: f64 = 0.025;
-/// Bytes waiting beyond which whole frames are lost: nobody has listened for long.
+/// Number of waiting bytes beyond which whole frames are lost: the host has not read for long.
 const FRAMES_WAIT: usize = 256 * 1024;
-/// Time of a memory test that is computed between two looks at the line: far below the 50 ms for an ACCEPT, so that
-/// even a computer that takes twice as long for it keeps them.
+/// Time of a memory test that is computed between two looks at the line. It is far below the 50 ms for an ACCEPT, so
+/// that even a computer that takes twice as long keeps them.
 const COMPUTED_AT_ONCE: Duration = Duration::from_millis(10);
 /// Bytes taken from the host ahead of the line's pace.
 const INPUT_WAIT: usize = 4096;
 
-/// Bytes of samples that are made at maximum speed before the port takes them: 16 full frames, 0.95 s at 200 Hz. The port
-/// holds eight times as many.
+/// Bytes of samples that are made at maximum speed before the port takes them: 16 full frames, 0.95 s at 200 Hz. The
+/// port holds eight times as many.
 const AT_ONCE: usize = 8 * 1024;
-/// Bench time that may pass in that.
+/// Most bench time that may pass for these bytes.
 const AT_ONCE_NS: u64 = 1_000_000_000;
 
-/// At maximum speed bench time stands for so long after a loss on the line: the host's wait before it asks again is
-/// link time, and minutes of the board's would pass in it.
+/// At maximum speed bench time stands still for this long after a loss on the line. The host waits in link time before
+/// it asks again, and minutes of board time would pass meanwhile.
 const REPAIR: Duration = Duration::from_millis(125);
 
 /// The same on CAN, where an answer may take 85 ms on the bus.
@@ -59,26 +59,26 @@ pub use truth::{LineTruth, Truth};
 /// How fast bench time runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Speed {
-    /// So many times as fast as wall time; 1 is true time.
+    /// This many times as fast as wall time; 1 is true time.
     Times(f64),
-    /// As fast as it can.
+    /// As fast as possible.
     Max,
 }
 
-/// What a bench is made of.
+/// The properties of a bench.
 #[derive(Debug, Clone)]
 pub struct BenchOptions {
     /// Board, module and faults.
     pub personality: Personality,
-    /// What the module says its serial number is, unless the personality fixes one.
+    /// The serial number that the module reports, unless the personality fixes one.
     pub serial_number: Option<String>,
-    /// Seed of all chance.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// How fast bench time runs.
     pub speed: Speed,
     /// Rate of the link.
     pub rate_baud: u32,
-    /// UTC at the start since 1970, so that a run can be repeated; not the wall clock.
+    /// UTC at the start since 1970. It is not the wall clock, so that a run can be repeated.
     pub utc_start: Duration,
     /// Where the bench stands.
     pub site: TrueSite,
@@ -109,25 +109,25 @@ pub struct SimulatedBench {
     slave: Slave,
     /// The same on CAN. A HELLO on one link ends the session on the other.
     can_slave: Slave,
-    /// Where the last HELLO came.
+    /// The link of the last HELLO.
     session_on: BoardPort,
     can: CanBus,
-    /// The host's CAN adapter holds frames that it could not hand on yet.
+    /// Whether the host's CAN adapter holds frames that it could not hand on yet.
     pub(crate) can_held: bool,
     board: SimulatedBoard,
     table: SimulatedTable,
     decoder: FrameDecoder,
     incoming: ByteLine,
     outgoing: ByteLine,
-    /// What happens to bytes before they reach `incoming`, and behind the board before `outgoing`.
+    /// Faults of the line: between the host and `incoming`, and between the board and `outgoing`.
     wire_to_board: FaultyWire,
     wire_to_host: FaultyWire,
-    /// What waits in `outgoing` is not samples alone.
+    /// Whether `outgoing` holds other frames than samples.
     said_more: bool,
-    /// Link time that a loss on the line takes to be noticed, during which bench time stands at maximum speed.
+    /// Link time at which the host has noticed a loss on the line. Until then bench time stands still at maximum speed.
     repaired_at: Duration,
     sleepers: Vec<hands::Sleeper>,
-    /// Rate of the line; `None` for one without pace.
+    /// Rate of the line; `None` for a line without pace.
     pace: Option<f64>,
     speed: Speed,
 }
@@ -141,7 +141,7 @@ impl SimulatedBench {
         world.fixture_field_gauss = table.field_mgauss.map(|field| field * 1e-3).into();
         world.field_swing = table.field_swing_ppm * 1e-6;
         let serial_number = options.serial_number.as_deref().unwrap_or("SIM-0001");
-        // A line of a bench that runs N times as fast carries N times as much, or its streams would not fit.
+        // The line of a bench that runs N times as fast carries N times as much; otherwise its streams would not fit.
         let (pace, can_pace) = match options.speed {
             Speed::Times(times) => (Some(f64::from(options.rate_baud) * times.max(1.0)), Some(times)),
             Speed::Max => (None, None),
@@ -168,7 +168,7 @@ impl SimulatedBench {
         }
     }
 
-    /// How many bytes [`SimulatedBench::receive`] takes now; what is more stays in the host's port.
+    /// How many bytes [`SimulatedBench::receive`] takes now; other bytes stay in the host's port.
     #[must_use]
     pub fn room(&self) -> usize {
         INPUT_WAIT.saturating_sub(self.incoming.len() + self.wire_to_board.len())
@@ -182,18 +182,18 @@ impl SimulatedBench {
         self.carry(now);
     }
 
-    /// Bytes for the host that are through the line by `now`.
+    /// Bytes for the host that have passed the line by `now`.
     pub fn output(&mut self, now: Duration) -> &[u8] {
         self.outgoing.ready(now)
     }
 
-    /// The port took so many of them.
+    /// Removes bytes that the port took.
     pub fn consume(&mut self, count: usize) {
         self.outgoing.consume(count);
         self.said_more &= !self.outgoing.is_empty();
     }
 
-    /// The CAN bus is one of the kernel, which has a pace at any speed.
+    /// Gives the CAN bus a pace: a bus of the kernel has one at any speed.
     pub(crate) fn pace_can(&mut self) {
         self.can.pace();
     }
@@ -214,7 +214,7 @@ impl SimulatedBench {
         self.can.pop()
     }
 
-    /// The watchdogs do not count `span` before `now`, in which the host could not speak.
+    /// The watchdogs do not count `span` before `now`, since the host could not send then.
     pub(crate) fn excuse(&mut self, span: Duration, now: Duration) {
         self.slave.excuse(span, now);
         self.can_slave.excuse(span, now);
@@ -223,7 +223,7 @@ impl SimulatedBench {
     /// Lets link time pass up to `now`.
     pub fn advance(&mut self, now: Duration) {
         self.carry(now);
-        // Time first: what a request starts, starts now and not at the last look.
+        // Time first: a request that starts something starts it now and not at the last look.
         self.pass_time(now);
         self.hear(now);
         self.run_bus(now);
@@ -240,7 +240,7 @@ impl SimulatedBench {
         self.wake_sleepers();
     }
 
-    /// At maximum speed: time moves to the next event.
+    /// Moves time to the next event, at maximum speed.
     fn step(&mut self) {
         if let Some(next_ns) = self.next_ns() {
             self.board.advance(next_ns);
@@ -248,8 +248,8 @@ impl SimulatedBench {
         }
     }
 
-    /// At maximum speed: whether time may move although what was said is still here, since that is samples, and nobody
-    /// waits for anything else.
+    /// Whether time may move at maximum speed although output is still waiting: the output is only samples, and no
+    /// other event is awaited.
     fn goes_on_with_samples(&self) -> bool {
         let said = self.outgoing.len();
         let quiet = self.incoming.is_empty() && self.wire_to_board.is_clean() && self.wire_to_host.is_clean();
@@ -263,29 +263,30 @@ impl SimulatedBench {
             && first
     }
 
-    /// Lets bench time follow link time, so that what an operator or a fixture does next happens now and not at the last
-    /// look. At maximum speed bench time does not follow anything.
+    /// Lets bench time follow link time, so that the next action of an operator or a fixture happens now and not at the
+    /// last look. At maximum speed bench time does not follow link time.
     pub fn pass_time(&mut self, now: Duration) {
         if let Speed::Times(times) = self.speed {
             self.board.line_full = match self.session_on {
                 BoardPort::Serial => self.board.samples_waiting() > self.line_bytes(SAMPLES_WAIT_S),
                 BoardPort::Can => self.can.is_full(),
             };
-            // The board's clock goes by its oscillator; true time is link time, so many times as fast.
+            // The board's clock goes by its oscillator. True time is link time times the speed.
             let now_ns = self.board.bench_ns(now.as_secs_f64() * times) as u64;
-            // A computer too slow to run a memory test at this speed still hears the host and answers in link time:
-            // the board's clock falls behind instead, until the test has ended.
+            // If a computer is too slow to run a memory test at this speed, the bench still hears the host and answers
+            // in link time: the board's clock falls behind instead, until the test has ended.
             let reach_ns = self.board.now_ns().saturating_add((COMPUTED_AT_ONCE.as_nanos() as f64 * times) as u64);
             self.board.advance(if self.board.is_computing() { now_ns.min(reach_ns) } else { now_ns });
             self.after_time();
         }
     }
 
-    /// The next link time at which [`SimulatedBench::advance`] or [`SimulatedBench::output`] has something to do; it may lie in the past.
+    /// The next link time at which [`SimulatedBench::advance`] or [`SimulatedBench::output`] has something to do; it
+    /// may lie in the past.
     #[must_use]
     pub fn next_due(&self, now: Duration) -> Duration {
         let events = match self.speed {
-            // A nanosecond later, so that no digit that is lost on the way back leaves it a moment short.
+            // Add a nanosecond, so that lost digits on the way back do not leave it a moment short.
             Speed::Times(times) => {
                 let due = |ns: u64| Duration::from_nanos((self.board.true_s(ns) * 1e9 / times).ceil() as u64 + 1);
                 self.next_ns().map(due)
@@ -309,7 +310,7 @@ impl SimulatedBench {
         self.board.now_ns()
     }
 
-    /// At maximum speed: whether time may move.
+    /// Whether time may move, at maximum speed.
     fn can_step(&self, now: Duration) -> bool {
         if self.speed != Speed::Max {
             return false;
@@ -325,7 +326,7 @@ impl SimulatedBench {
         pending && said && now >= self.repaired_at
     }
 
-    /// What the faults of the wire let through goes on; what they spoil is noted.
+    /// Passes on what the faults of the wire let through, and notes what they spoil.
     fn carry(&mut self, now: Duration) {
         let to_board = self.wire_to_board.ready(now);
         self.incoming.push(&to_board, now);
@@ -346,7 +347,7 @@ impl SimulatedBench {
         [self.board.next_event_ns(), self.sleeper_due_ns()].into_iter().flatten().min()
     }
 
-    /// Frames that have arrived go to the board.
+    /// Gives the board the frames that have arrived.
     fn hear(&mut self, now: Duration) {
         let bytes = self.incoming.ready(now).to_vec();
         self.incoming.consume(bytes.len());
@@ -363,7 +364,7 @@ impl SimulatedBench {
         }
     }
 
-    /// Frames pass on the CAN bus: the module sends test frames back, the board hears the rest.
+    /// Lets frames pass on the CAN bus: the module sends test frames back, the board receives the rest.
     fn run_bus(&mut self, now: Duration) {
         while let Some(heard) = self.can.step(now) {
             let HeardFrame::FromHost(frame) = heard else { continue };
@@ -379,7 +380,7 @@ impl SimulatedBench {
         }
     }
 
-    /// A frame of the conversation that came on a link.
+    /// Takes a frame of the conversation from a link.
     fn take(&mut self, port: BoardPort, frame: &Frame, now: Duration) {
         if HostHello::from_payload(&frame.payload).is_ok_and(|hello| hello.magic == MAGIC)
             && frame.header.kind == gnc_protocol::Kind::Hello
@@ -404,14 +405,14 @@ impl SimulatedBench {
         self.send(port, answers, now);
     }
 
-    /// What became due goes to the host.
+    /// Sends to the host everything that is due.
     fn speak(&mut self, now: Duration) {
         if !self.board.is_booting() {
             let (mut frames, mut can_frames) = (Vec::new(), Vec::new());
             self.count_link();
             self.board.line_room = match self.session_on {
                 BoardPort::Serial => self.line_bytes(SAMPLES_AHEAD_S).saturating_sub(self.outgoing.len()),
-                // On the bus samples wait in a queue of their own, behind all else.
+                // On the bus samples wait in a separate queue, behind everything else.
                 BoardPort::Can => usize::MAX,
             };
             self.slave.tick(now, &mut self.board, &mut |frame| frames.push(frame));
@@ -424,7 +425,7 @@ impl SimulatedBench {
 
     fn after_time(&mut self) {
         if self.board.take_restarted() {
-            // What was on its way is cut off in the middle of a frame, as by any reset.
+            // A reset cuts frames under way in the middle.
             self.slave = Slave::default();
             self.can_slave = Slave::default();
             self.can.restart();
@@ -434,7 +435,7 @@ impl SimulatedBench {
         }
     }
 
-    /// Bytes that the line carries in some time; without pace there is no end to them.
+    /// Bytes that the line carries in this time; without pace there is no bound.
     fn line_bytes(&self, span_s: f64) -> usize {
         let bytes = |rate_baud: f64| (rate_baud / f64::from(BITS_PER_BYTE) * span_s) as usize;
         self.pace.map_or(usize::MAX, bytes)

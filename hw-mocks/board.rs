@@ -33,14 +33,14 @@ use crate::world::{Influence, World};
 const CAPTURE_NS: u64 = 10;
 /// A pattern over a RAM advances in pieces of this much board time, so that the board stays able to answer.
 const PIECE_NS: u64 = 2 * MS;
-/// From a restart to the first answer.
+/// Time from a restart to the first answer.
 const BOOT_NS: u64 = 200 * MS;
-/// Supply that the board finds right when it switches power on, in microvolts.
+/// Supply that the board accepts when it switches power on, in microvolts.
 const SUPPLY_UV: std::ops::RangeInclusive<u32> = 4_500_000..=5_500_000;
 
 #[derive(Debug)]
 struct Job {
-    /// `None` once the host gave it up: the device still finishes.
+    /// The host's request; `None` after the host gave it up. The device still finishes.
     request: Option<u16>,
     message: u16,
     uses: u32,
@@ -50,7 +50,7 @@ struct Job {
     task: Task,
 }
 
-/// The ways by which a host reaches the board.
+/// The links by which a host reaches the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum BoardPort {
     Serial,
@@ -64,13 +64,13 @@ pub(crate) struct SimulatedBoard {
     pub world: World,
     /// The module.
     pub module: Module,
-    /// Counters of the link, kept up to date by whoever owns the link.
+    /// Counters of the link. The owner of the link keeps them up to date.
     pub link_counters: LinkCountersReply,
-    /// What acts on the module in a step of time in which it lies still.
+    /// What acts on the module in a step of time in which it is still.
     still: Option<(i64, Influence)>,
     /// Whether too many samples wait for the line: new ones are dropped and counted.
     pub line_full: bool,
-    /// Bytes of samples that the line takes now; whoever owns the link sets it anew before each look at the outputs.
+    /// Bytes of samples that the line takes now. The owner of the link sets it before each look at the outputs.
     pub line_room: usize,
     now_ns: u64,
     booted_ns: u64,
@@ -82,7 +82,7 @@ pub(crate) struct SimulatedBoard {
     /// The link of the session, which carries the streams.
     carrier: BoardPort,
     powered: bool,
-    /// Whether it answers for the module what that said before.
+    /// Whether the board answers an identity request with the module's earlier answer.
     caches_identity: bool,
     identity_cache: Option<IdentityReply>,
     jobs: Vec<Job>,
@@ -90,7 +90,7 @@ pub(crate) struct SimulatedBoard {
     ended: Vec<(StreamId, StreamStopReply)>,
     log: ErrorLog,
     outputs: VecDeque<BoardOutput>,
-    /// Samples, and the results that must keep their place among them; everything else goes ahead of these.
+    /// Samples, and results that must keep their place among them. All other output goes ahead of these.
     samples: VecDeque<BoardOutput>,
     reboot: Option<RebootTrigger>,
     triggers_seen: u32,
@@ -102,7 +102,7 @@ pub(crate) struct SimulatedBoard {
 }
 
 impl SimulatedBoard {
-    /// A board just started.
+    /// A board that has just started.
     #[must_use]
     pub(crate) fn new(personality: &Personality, serial_number: &str, world: World, rate_baud: u32, seed: u64) -> Self {
         let mut boot_dice = Dice::new(seed, RandomStream::Boot);
@@ -142,7 +142,7 @@ impl SimulatedBoard {
         }
     }
 
-    /// A session begins on a link.
+    /// Begins a session on a link.
     pub(crate) fn set_carrier(&mut self, carrier: BoardPort) {
         self.carrier = carrier;
     }
@@ -170,7 +170,7 @@ impl SimulatedBoard {
         self.powered
     }
 
-    /// Whether anything is under way that needs time to pass.
+    /// Whether any work is under way that needs time to pass.
     #[must_use]
     pub(crate) fn has_work(&self) -> bool {
         !self.jobs.is_empty() || !self.streams.is_empty() || self.is_booting()
@@ -183,7 +183,7 @@ impl SimulatedBoard {
         self.streams.iter().any(samples) && self.jobs.is_empty() && !self.is_booting() && self.outputs.is_empty()
     }
 
-    /// Whether it does not listen yet after a restart.
+    /// Whether the board is still booting after a restart and does not listen.
     #[must_use]
     pub(crate) fn is_booting(&self) -> bool {
         self.restarts > 0 && self.now_ns < self.booted_ns + BOOT_NS
@@ -195,12 +195,12 @@ impl SimulatedBoard {
         self.restarts
     }
 
-    /// Whether it restarted since the last time this was asked.
+    /// Whether the board restarted since the last call.
     pub(crate) fn take_restarted(&mut self) -> bool {
         std::mem::take(&mut self.restarted)
     }
 
-    /// The next moment at which something happens, in bench time.
+    /// The bench time of the next event.
     #[must_use]
     pub(crate) fn next_event_ns(&self) -> Option<u64> {
         let job = |job: &Job| match job.task {
@@ -212,7 +212,7 @@ impl SimulatedBoard {
         self.jobs.iter().map(job).chain(streams).chain(boot).chain(self.reboot_at_ns).min()
     }
 
-    /// Lets time pass up to `to_ns`: everything due until then happens in its order.
+    /// Lets time pass up to `to_ns`: everything that is due until then happens in its order.
     pub(crate) fn advance(&mut self, to_ns: u64) {
         while let Some(next_ns) = self.next_event_ns().filter(|next_ns| *next_ns <= to_ns) {
             self.now_ns = self.now_ns.max(next_ns);
@@ -221,7 +221,7 @@ impl SimulatedBoard {
         self.now_ns = self.now_ns.max(to_ns);
     }
 
-    /// What is due now.
+    /// Carries out what is due now.
     fn happen(&mut self) {
         if self.reboot_at_ns.is_some_and(|at_ns| at_ns <= self.now_ns) {
             self.restart();
@@ -235,7 +235,7 @@ impl SimulatedBoard {
         }
     }
 
-    /// The board lost its supply for a moment, or its watchdog fired.
+    /// Restarts the board after a supply loss or a watchdog timeout.
     fn restart(&mut self) {
         self.reboot_at_ns = None;
         self.cut_off_jobs();
@@ -252,7 +252,7 @@ impl SimulatedBoard {
         self.restarts += 1;
     }
 
-    /// All requests end where they are; a flash that was busy is left half way.
+    /// Ends all requests at once. A busy flash is left in the middle of its work.
     fn cut_off_jobs(&mut self) {
         for job in std::mem::take(&mut self.jobs) {
             match job.task {
@@ -282,7 +282,7 @@ impl SimulatedBoard {
         }
     }
 
-    /// A request that is done but for the samples that leave before its result.
+    /// The progress of a request that is done, but whose result waits behind samples.
     fn waiting_behind_samples(&self, request: u16) -> Progress {
         let elapsed_us = |output: &BoardOutput| match output {
             BoardOutput::Done(done) if done.request == request => Some(done.elapsed_us),
@@ -315,7 +315,7 @@ impl SimulatedBoard {
         }
         let message = what.id();
         let trigger = what.clone();
-        // The stream is checked before anything is drawn or reserved.
+        // Check the stream before random numbers are drawn or devices are reserved.
         if let Request::StreamStart(start) = &mut what {
             if self.carrier == BoardPort::Can {
                 one_sample_a_frame(start)?;
@@ -349,7 +349,7 @@ impl SimulatedBoard {
         }
     }
 
-    /// Whether a memory test is running, which takes this computer time of its own.
+    /// Whether a memory test is running, which costs real computing time.
     pub(crate) fn is_computing(&self) -> bool {
         self.jobs.iter().any(|job| matches!(job.task, Task::Pattern { .. }))
     }
@@ -401,7 +401,7 @@ impl SlaveBoard for SimulatedBoard {
             return self.waiting_behind_samples(request);
         };
         let passed_ns = self.now_ns - job.started_ns;
-        // A job that takes longer than expected stays just short of done.
+        // A job that takes longer than expected shows just below 100 %.
         let done_permille = (passed_ns * 1000 / job.expected_ns.max(1)).min(999) as u16;
         Progress { done_permille, elapsed_ms: u32::try_from(passed_ns / MS).unwrap_or(u32::MAX) }
     }
@@ -412,7 +412,7 @@ impl SlaveBoard for SimulatedBoard {
                 job.request = None;
             }
         }
-        // A flash cannot be stopped in an erase; everything else can.
+        // A flash cannot be stopped in an erase; all other jobs can be stopped.
         self.jobs.retain(|job| job.request.is_some() || matches!(job.task, Task::Flash { .. }));
     }
 

@@ -1,7 +1,7 @@
 //! The CAN bus of the simulated bench: the host's adapter, the slave board and the module on one pair of wires.
 //!
-//! Frames go one at a time, the lowest id first among those that wait, at the pace of the bit rate. What the host sends
-//! reaches board and module; what those send reaches the host.
+//! Frames go one at a time, at the pace of the bit rate. The waiting frame with the lowest id goes first. Frames of the
+//! host reach board and module; frames of board and module reach the host.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -15,18 +15,18 @@ use crate::can_faults::{CanWireFaults, FaultyBus};
 use crate::fault_queue::Toll;
 use crate::noise::{Dice, RandomStream};
 
-/// Frames of streams that wait beyond which the board drops samples: 0.3 s of the bus.
+/// Number of waiting stream frames beyond which the board drops samples: 0.3 s of the bus.
 const SAMPLES_WAIT: usize = 1024;
-/// Frames that wait for the host beyond which they are lost, as in an adapter that nobody reads.
+/// Number of frames waiting for the host beyond which frames are lost, as in an adapter that is not read.
 const HOST_WAITS: usize = 8192;
-/// Frames taken from the host ahead of the bus.
+/// Frames that are taken from the host ahead of the bus.
 const INPUT_WAIT: usize = 64;
 
 /// The bus with the board's controller on it.
 #[derive(Debug)]
 pub(crate) struct CanBus {
     endpoint: Endpoint,
-    /// What happens to frames between the host and the bus, either way.
+    /// Faults of frames between the host and the bus, both ways.
     wire_to_board: FaultyBus,
     wire_to_host: FaultyBus,
     from_host: VecDeque<CanFrame>,
@@ -37,15 +37,15 @@ pub(crate) struct CanBus {
     /// Time of a bit; zero for a bus without pace.
     bit_ns: f64,
     free_at: Duration,
-    /// Nothing waited at the last look: the bus has been free since.
+    /// Whether the bus was idle at the last look: it has been free since.
     idle: bool,
-    /// Every so many frames towards the host one is lost; 0: none.
+    /// One frame is lost of this many towards the host; 0: none.
     lose_every: u32,
     sent: u32,
     lost: u32,
 }
 
-/// Who sends.
+/// The sender of a frame.
 #[derive(Debug, Clone, Copy)]
 enum Sender {
     Host,
@@ -55,7 +55,7 @@ enum Sender {
 }
 
 impl CanBus {
-    /// A bus that runs so many times as fast as a real one; `None`: without pace.
+    /// A bus that runs this many times as fast as a real one; `None`: without pace.
     pub(crate) fn new(times: Option<f64>, lose_every: u32, faults: CanWireFaults, seed: u64) -> Self {
         Self {
             endpoint: Endpoint::new(EndpointRole::Board),
@@ -75,20 +75,20 @@ impl CanBus {
         }
     }
 
-    /// Gives a bus without pace that of a real one: a kernel holds nobody up who sends faster than others read, and frames
-    /// would be lost.
+    /// Gives a bus without pace the pace of a real one. A kernel does not block a sender that sends faster than others
+    /// read, so frames would be lost.
     pub(crate) fn pace(&mut self) {
         self.bit_ns = if self.bit_ns > 0.0 { self.bit_ns } else { 1e9 / f64::from(BIT_RATE) };
     }
 
-    /// The board restarted: what it had to say is gone.
+    /// Drops the board's output after a restart.
     pub(crate) fn restart(&mut self) {
         self.endpoint = Endpoint::new(EndpointRole::Board);
         self.events.clear();
         self.samples.clear();
     }
 
-    /// The session ended: its samples are nobody's.
+    /// Drops the samples of a session that ended.
     pub(crate) fn drop_samples(&mut self) {
         self.samples.clear();
     }
@@ -102,8 +102,8 @@ impl CanBus {
         self.samples.len() > SAMPLES_WAIT
     }
 
-    /// Whether everything that was said has left, and nobody is in the middle of a message: between the frames of a
-    /// request no time shall pass on a bench at full speed.
+    /// Whether all output has left and no sender is in the middle of a message. On a bench at full speed no time may
+    /// pass between the frames of a request.
     pub(crate) fn is_quiet(&self) -> bool {
         self.endpoint.is_idle()
             && self.to_host.is_empty()
@@ -116,36 +116,36 @@ impl CanBus {
         INPUT_WAIT.saturating_sub(self.from_host.len() + self.wire_to_board.len())
     }
 
-    /// A frame from the host's adapter.
+    /// Takes a frame from the host's adapter.
     pub(crate) fn push(&mut self, frame: CanFrame, now: Duration) {
         self.wire_to_board.push(frame, now);
     }
 
-    /// What the faults between host and bus let through goes on.
+    /// Passes on frames that the faults between host and bus let through.
     pub(crate) fn carry(&mut self, now: Duration) {
         self.from_host.extend(std::iter::from_fn(|| self.wire_to_board.pop(now)));
         self.to_host.extend(std::iter::from_fn(|| self.wire_to_host.pop(now)));
     }
 
-    /// What the faults did: towards the host, among it what the bus itself lost, and towards the board. Nobody numbers
-    /// raw frames, so that nothing is said of what a receiver can miss.
+    /// Counts of the faults: towards the host, including losses on the bus itself, and towards the board. Raw frames
+    /// have no numbers, so there is no count of losses that a receiver can notice.
     pub(crate) fn tolls(&self) -> (Toll, Toll) {
         let to_host = self.wire_to_host.toll();
         (Toll { spoilt: to_host.spoilt + u64::from(self.lost), ..to_host }, self.wire_to_board.toll())
     }
 
-    /// Whether a frame was lost or damaged between host and bus since this was asked last.
+    /// Whether a frame was lost or damaged between host and bus since the last call.
     pub(crate) fn take_harmed(&mut self) -> bool {
         self.wire_to_board.take_harmed() | self.wire_to_host.take_harmed()
     }
 
-    /// A frame of the conversation for the host.
+    /// Queues a frame of the conversation for the host.
     pub(crate) fn send(&mut self, frame: &Frame) {
         let queue = if frame.header.kind == gnc_protocol::Kind::Stream { &mut self.samples } else { &mut self.events };
         self.endpoint.send(frame, &mut |raw| queue.push_back(raw));
     }
 
-    /// A test frame that the module sends back.
+    /// Queues a test frame that the module sends back.
     pub(crate) fn echo(&mut self, frame: CanFrame) {
         self.echoes.push_back(frame);
     }
@@ -155,14 +155,14 @@ impl CanBus {
         self.to_host.pop_front()
     }
 
-    /// Lets the next frame pass, if the bus is free: gives what board and module hear of it. `None`: nothing can pass
-    /// now.
+    /// Lets the next frame pass if the bus is free, and returns what board and module receive. `None`: no frame can
+    /// pass now.
     pub(crate) fn step(&mut self, now: Duration) -> Option<HeardFrame> {
         self.carry(now);
         if self.free_at > now {
             return None;
         }
-        // A message's next frame is put in the row before anybody knows whether it wins.
+        // The next frame of a message is queued before the arbitration is decided.
         while let Some(frame) = self.endpoint.poll(now) {
             self.events.push_back(frame);
         }
@@ -201,12 +201,12 @@ impl CanBus {
         Some(HeardFrame::Nothing)
     }
 
-    /// What a frame from the host means to the board.
+    /// Decodes a frame from the host for the board.
     pub(crate) fn understand(&mut self, frame: &CanFrame, now: Duration) -> Option<Result<Frame, FrameError>> {
         self.endpoint.receive(frame, now)
     }
 
-    /// When the bus has something to do.
+    /// The time at which the bus has work to do.
     pub(crate) fn next_due(&self) -> Option<Duration> {
         let queues = [&self.from_host, &self.events, &self.samples, &self.echoes];
         let waits = queues.iter().any(|queue| !queue.is_empty()).then_some(self.free_at);
@@ -215,16 +215,16 @@ impl CanBus {
     }
 }
 
-/// What board and module hear of a frame that passed.
+/// A frame that passed, as board and module receive it.
 #[derive(Debug)]
 pub(crate) enum HeardFrame {
-    /// Their own.
+    /// Their own frame.
     Nothing,
-    /// The host's.
+    /// A frame of the host.
     FromHost(CanFrame),
 }
 
-/// What decides on the bus: the 11 bits of either kind first, a standard frame before an extended one.
+/// The key of the arbitration: the 11 bits of both kinds first, then a standard frame before an extended one.
 fn priority(id: CanId) -> (u32, bool, u32) {
     match id {
         CanId::Standard(id) => (u32::from(id), false, 0),
@@ -232,7 +232,7 @@ fn priority(id: CanId) -> (u32, bool, u32) {
     }
 }
 
-/// The host's slcan adapter: lines on a serial port, frames on the bus once it was opened.
+/// The host's slcan adapter: lines on a serial port, frames on the bus after it was opened.
 #[derive(Debug, Default)]
 pub struct Adapter {
     decoder: slcan::SlcanDecoder,
@@ -241,7 +241,7 @@ pub struct Adapter {
 }
 
 impl Adapter {
-    /// Takes lines from the host; gives the frames for the bus.
+    /// Takes lines from the host; returns the frames for the bus.
     #[must_use]
     pub fn receive(&mut self, mut bytes: &[u8]) -> Vec<CanFrame> {
         let mut frames = Vec::new();
@@ -271,7 +271,7 @@ impl Adapter {
         self.lines.push_back(byte);
     }
 
-    /// A frame off the bus for the host.
+    /// Takes a frame from the bus for the host.
     pub fn send(&mut self, frame: &CanFrame) {
         if self.open {
             self.lines.extend(slcan::encode(frame));
@@ -284,7 +284,7 @@ impl Adapter {
         self.lines.make_contiguous()
     }
 
-    /// The port took so many bytes of them.
+    /// Removes bytes that the port took.
     pub fn consume(&mut self, count: usize) {
         self.lines.drain(..count.min(self.lines.len()));
     }

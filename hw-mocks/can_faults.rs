@@ -1,10 +1,10 @@
 //! Faults between the station and the CAN bus: what adapters, drivers and a bad cable do to frames on their way.
 //!
-//! One [`FaultyBus`] for each direction. A controller throws away what comes with a bad CRC, so damage on the wire shows
-//! as loss; a single frame is never cut, but the frames of a message are, by a burst. Damage that no controller sees (in
-//! an adapter's memory, on the serial line of an slcan adapter) hits messages here and no raw frames: those carry no
-//! checksum of this protocol, and nobody could tell what altered them. Garbage comes under any id but those of raw
-//! frames, for the same reason. Chance comes from seeded dice, time is link time.
+//! There is one [`FaultyBus`] for each direction. A controller discards frames with a bad CRC, so damage on the wire
+//! shows as loss. A single frame is never cut, but a burst cuts a message of several frames. Damage that no controller
+//! sees (in an adapter's memory, on the serial line of an slcan adapter) hits only messages here. Raw frames carry no
+//! checksum of this protocol, so the source of an alteration could not be found. For the same reason garbage never
+//! comes under ids of raw frames. Chance comes from seeded dice; time is link time.
 
 use std::time::Duration;
 
@@ -16,20 +16,20 @@ use gnc_protocol::can::{CanFrame, CanId};
 use crate::fault_queue::{FaultQueue, QueueRates, Sent, Toll};
 use crate::noise::Dice;
 
-/// Longest burst of lost frames: what an adapter holds.
+/// Longest burst of lost frames: the capacity of an adapter.
 const BURST: f64 = 32.0;
 /// Ids of messages.
 const MESSAGES: [u16; 4] = [URGENT_TO_BOARD, URGENT_TO_HOST, WORK_TO_BOARD, WORK_TO_HOST];
 
-/// How often a direction does what, per million frames.
+/// Rates of the faults of a direction, per million frames.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct CanRates {
     pub(crate) lost_frames: f64,
-    /// This one and up to 31 behind it.
+    /// A burst: this frame and up to 31 behind it.
     pub(crate) lost_bursts: f64,
-    /// One bit is another one; only in frames of messages.
+    /// One bit is inverted; only in frames of messages.
     pub(crate) flipped_frames: f64,
-    /// Frames before which there is one that nobody sent.
+    /// Frames with a garbage frame before them.
     pub(crate) babbled_frames: f64,
     /// A stall comes before a frame: no frame is cut.
     pub(crate) queue: QueueRates,
@@ -42,7 +42,7 @@ pub(crate) struct CanWireFaults {
     pub(crate) to_board: CanRates,
 }
 
-/// No frame stops in the middle.
+/// A CAN frame never stops in the middle.
 impl Sent for CanFrame {
     fn stopped(self, _: &mut Dice) -> (Option<Self>, Self) {
         (None, self)
@@ -67,7 +67,7 @@ impl FaultyBus {
         self.queue.toll
     }
 
-    /// A frame meets its fate.
+    /// Takes a frame and applies the faults to it.
     pub(crate) fn push(&mut self, frame: CanFrame, now: Duration) {
         let rates = self.rates;
         self.queue.toll.frames += 1;
@@ -95,12 +95,12 @@ impl FaultyBus {
         }
     }
 
-    /// The next frame that has gone on by `now`.
+    /// The next frame that has passed by `now`.
     pub(crate) fn pop(&mut self, now: Duration) -> Option<CanFrame> {
         self.queue.pop(now)
     }
 
-    /// When more goes on.
+    /// The time at which the next frame passes.
     pub(crate) fn next_due(&self) -> Option<Duration> {
         self.queue.next_due()
     }
@@ -110,7 +110,7 @@ impl FaultyBus {
         self.queue.iter().count()
     }
 
-    /// Whether something was lost or damaged since this was asked last.
+    /// Whether a frame was lost or damaged since the last call.
     pub(crate) fn take_harmed(&mut self) -> bool {
         std::mem::take(&mut self.harmed)
     }
@@ -129,7 +129,7 @@ impl FaultyBus {
     }
 }
 
-/// Half of it under the ids of messages; `None` where the id belongs to raw frames.
+/// A garbage frame. Half of them have ids of messages; `None` if the id belongs to raw frames.
 fn garbage(dice: &mut Dice) -> Option<CanFrame> {
     let id = match dice.below(4.0) {
         0 => CanId::Extended(dice.below(f64::from(CanId::MAX_EXTENDED)) as u32),
@@ -149,7 +149,8 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    /// What two hundred numbered frames of messages become, all sent at once, and when the last has gone on.
+    /// The result of two hundred numbered message frames that are sent at once, and the time at which the last one has
+    /// passed.
     fn through(rates: CanRates) -> (Vec<CanFrame>, Duration) {
         let mut bus = FaultyBus::new(rates, Dice::new(7, RandomStream::CanToHost));
         (0..200).for_each(|number| bus.push(numbered(number), SECOND));
@@ -221,7 +222,7 @@ mod tests {
         assert!(frames.iter().all(|frame| !is_echo(frame.id()) && echo_of(frame.id()).is_none()));
     }
 
-    /// Raw frames carry no checksum: nothing but messages is altered.
+    /// Raw frames carry no checksum: only messages are altered.
     #[test]
     fn raw_frames_are_never_altered() {
         let rates = CanRates { flipped_frames: 1e6, ..CanRates::default() };

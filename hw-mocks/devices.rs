@@ -1,4 +1,4 @@
-//! The devices of the module and of the slave board: each a model of what the thing does, with its faults inside.
+//! The devices of the module and of the slave board. Each is a model of the device with its faults.
 
 pub(crate) mod ad;
 pub mod calibration;

@@ -1,5 +1,5 @@
 //! The simulated bench on real ports (a pseudo-terminal or a serial port for RS-422, another pseudo-terminal or an
-//! interface for CAN), served by a thread of its own.
+//! interface for CAN), served by a separate thread.
 
 use std::io::{self, Read, Write};
 use std::os::fd::AsFd;
@@ -21,10 +21,10 @@ use crate::port::Tty;
 use crate::turntable::TableRefusal;
 use crate::world::{ModuleAxis, Sign};
 
-/// Longest wait for a port that is full: the kernel does not always tell when it has room again.
+/// Longest wait for a full port: the kernel does not always report that it has room again.
 const FULL_PORT: Duration = Duration::from_millis(5);
 
-/// Between two looks for a CAN interface that went away.
+/// Time between two looks for a CAN interface that went away.
 const INTERFACE_AWAY: Duration = Duration::from_millis(20);
 
 /// The thread that serves the bench has ended.
@@ -32,13 +32,13 @@ const INTERFACE_AWAY: Duration = Duration::from_millis(20);
 #[error("the simulated bench has ended")]
 pub struct BenchGone;
 
-/// Why the turntable did not do what it was told.
+/// Why the turntable refused a command.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum TurntableError {
-    /// There is no bench any more.
+    /// The bench has ended.
     #[error(transparent)]
     Gone(#[from] BenchGone),
-    /// It refused.
+    /// The table refused.
     #[error(transparent)]
     Refused(#[from] TableRefusal),
 }
@@ -74,22 +74,23 @@ enum BenchCommand {
 pub enum Cable {
     /// RS-422: the pseudo-terminal or the serial port.
     Serial,
-    /// The pseudo-terminal of the slcan adapter. An interface of the kernel is nothing that a program could pull out.
+    /// The pseudo-terminal of the slcan adapter. A program cannot pull out an interface of the kernel.
     Slcan,
 }
 
-/// What an operator or a fixture does at the bench. Each call returns when it is done, so that a request sent to the
-/// board afterwards finds it done.
+/// Controls the bench like an operator or a fixture. Each call returns when its action is done, so that a later request
+/// to the board finds it done.
 ///
 /// # The turntable
-/// [`BenchControl::orient`], [`BenchControl::rotate`], [`BenchControl::spin`] and [`BenchControl::stop`] begin a motion and return at once;
-/// it begins in that moment of bench time, takes the time that `turntable.rs` says and ends by itself.
-/// [`BenchControl::wait_still`] returns when bench time has passed its end.
+/// [`BenchControl::orient`], [`BenchControl::rotate`], [`BenchControl::spin`] and [`BenchControl::stop`] begin a motion
+/// and return at once. The motion begins at that moment of bench time, takes the time that `turntable.rs` gives, and
+/// ends without another call. [`BenchControl::wait_still`] returns when bench time has passed its end.
 ///
 /// # Waiting
-/// [`BenchControl::sleep`] and [`BenchControl::wait_still`] block their thread until bench time has come so far. At maximum speed
-/// they let bench time move, also without any request or stream. But bench time stands while a port is full, so that a
-/// stream is never dropped: whoever waits beside a running stream must go on reading it on another thread.
+/// [`BenchControl::sleep`] and [`BenchControl::wait_still`] block their thread until that bench time is reached. At
+/// maximum speed they let bench time move, even without any request or stream. But bench time stands still while a port
+/// is full, so that a stream is never dropped: a caller that waits beside a running stream must read the stream on
+/// another thread.
 #[derive(Debug, Clone)]
 pub struct BenchControl {
     commands: Sender<(BenchCommand, Option<Sender<()>>)>,
@@ -147,17 +148,18 @@ impl BenchControl {
         self.set_in_motion(TableMotion::Orient(along, axis, sign, heading_deg))
     }
 
-    /// Begins to lay the module down in any attitude: `up`, in the module's axes and of any length, points up. Of the
-    /// axis nearest to it the next one points at the heading as nearly as it can.
+    /// Begins to lay the module down in any attitude: `up`, in the module's axes and of any length, points up. The axis
+    /// after the one nearest to `up` points at the heading as nearly as possible.
     ///
     /// # Errors
-    /// As [`BenchControl::orient`]; or `up` is no direction.
+    /// As [`BenchControl::orient`]; or `up` is not a direction.
     pub(crate) fn orient_up(&self, up: [f64; 3], heading_deg: f64) -> Result<(), TurntableError> {
         self.set_in_motion(TableMotion::OrientUp(up, heading_deg))
     }
 
-    /// Begins a rotation about the table's axis, which is along the module's axis of the last orientation, positive by
-    /// the right-hand rule about that axis. Ramps take 10 % of the span each: 1080 deg in 5 s peak at 240 deg/s.
+    /// Begins a rotation about the table's axis, which lies along the module's axis of the last orientation. The angle
+    /// is positive by the right-hand rule about that axis. Ramps take 10 % of the span each: 1080 deg in 5 s peak at
+    /// 240 deg/s.
     ///
     /// # Errors
     /// [`TurntableError`]: the bench has ended, the table is moving, or it cannot turn so fast.
@@ -165,7 +167,7 @@ impl BenchControl {
         self.set_in_motion(TableMotion::Rotate(angle_deg, span_s))
     }
 
-    /// Begins to spin about the table's axis, without end; from another spin it goes over to this one.
+    /// Begins to spin about the table's axis, without end; from another spin the table changes over to this one.
     ///
     /// # Errors
     /// As [`BenchControl::rotate`].
@@ -173,7 +175,7 @@ impl BenchControl {
         self.set_in_motion(TableMotion::Spin(rate_dps))
     }
 
-    /// Begins to stop whatever motion runs; no error where none does.
+    /// Begins to stop any running motion. Without a motion it does nothing and returns no error.
     ///
     /// # Errors
     /// [`TurntableError::Gone`].
@@ -181,7 +183,7 @@ impl BenchControl {
         self.set_in_motion(TableMotion::Stop)
     }
 
-    /// Whether the module moves. At maximum speed it goes on doing so until something lets bench time pass.
+    /// Whether the module moves. At maximum speed it continues to move until a caller lets bench time pass.
     ///
     /// # Errors
     /// [`BenchGone`].
@@ -194,14 +196,15 @@ impl BenchControl {
     /// Returns when the module is still.
     ///
     /// # Errors
-    /// [`TurntableError`]: the bench has ended, or the table spins without end, also if it begins to while somebody waits.
+    /// [`TurntableError`]: the bench has ended, or the table spins without end, even if the spin begins during the
+    /// wait.
     pub fn wait_still(&self) -> Result<(), TurntableError> {
         let (done, still) = mpsc::channel();
         self.post(BenchCommand::WaitStill(done), None)?;
         Ok(still.recv().map_err(|_| BenchGone)??)
     }
 
-    /// Waits until the module is without power, for so much wall time at most; whether it is.
+    /// Waits at most this wall time until the module is without power; returns whether it is.
     ///
     /// # Errors
     /// [`BenchGone`].
@@ -215,8 +218,8 @@ impl BenchControl {
         }
     }
 
-    /// Pulls a cable out: the host's port is gone for good, while board and module stay as they are. What the board says
-    /// meanwhile nobody hears.
+    /// Pulls a cable out: the host's port is gone for good, while board and module stay as they are. What the board
+    /// sends meanwhile is lost.
     ///
     /// # Errors
     /// [`BenchGone`].
@@ -224,10 +227,10 @@ impl BenchControl {
         self.order(BenchCommand::Unplug(cable))
     }
 
-    /// Plugs a cable in, into another pseudo-terminal than before: gives what the host opens.
+    /// Plugs a cable in, into a new pseudo-terminal; returns the path that the host opens.
     ///
     /// # Errors
-    /// The system has no pseudo-terminal left; or the bench has ended, or has no such cable.
+    /// The system has no pseudo-terminal left, or the bench has ended or has no such cable.
     pub fn plug_in(&self, cable: Cable) -> io::Result<PathBuf> {
         let (told, port) = mpsc::channel();
         self.post(BenchCommand::PlugIn(cable, told), None).map_err(io::Error::other)?;
@@ -240,7 +243,7 @@ impl BenchControl {
         Ok(answer.recv().map_err(|_| BenchGone)??)
     }
 
-    /// What really is.
+    /// The true state of the bench.
     ///
     /// # Errors
     /// [`BenchGone`].
@@ -258,7 +261,7 @@ impl BenchControl {
 
     fn post(&self, command: BenchCommand, done: Option<Sender<()>>) -> Result<(), BenchGone> {
         self.commands.send((command, done)).map_err(|_| BenchGone)?;
-        // A full pipe means that a wake-up is on its way already.
+        // A full pipe means that a wake-up is already under way.
         let _ = (&*self.wake).write(&[0]);
         Ok(())
     }
@@ -277,7 +280,7 @@ impl RunningBench {
     /// Opens a pseudo-terminal and serves the bench on it.
     ///
     /// # Errors
-    /// When the system has no pseudo-terminal or no thread left.
+    /// The system has no pseudo-terminal or no thread left.
     pub fn start(options: &BenchOptions) -> io::Result<Self> {
         Self::start_with(options, None)
     }
@@ -285,16 +288,16 @@ impl RunningBench {
     /// As [`RunningBench::start`], with the CAN bus on an interface of the kernel instead of an slcan adapter.
     ///
     /// # Errors
-    /// As [`RunningBench::start`]; or there is no such interface.
+    /// As [`RunningBench::start`]; or the interface does not exist.
     pub fn start_with(options: &BenchOptions, interface: Option<&str>) -> io::Result<Self> {
         Self::serve(options, Tty::pseudo_terminal()?, interface)
     }
 
-    /// As [`RunningBench::start_with`], on a serial port of this computer at the rate of the options; the host opens
+    /// As [`RunningBench::start_with`], on a serial port of this computer at the rate of the options. The host opens
     /// the other end of the cable.
     ///
     /// # Errors
-    /// As [`RunningBench::start_with`]; or it is no port, or does not have the rate.
+    /// As [`RunningBench::start_with`]; or the device is not a port, or does not have the rate.
     pub(crate) fn start_on(options: &BenchOptions, device: &Path, interface: Option<&str>) -> io::Result<Self> {
         Self::serve(options, Tty::device(device, options.rate_baud)?, interface)
     }
@@ -321,19 +324,19 @@ impl RunningBench {
         Ok(Self { port, can_port, control, thread: Some(thread) })
     }
 
-    /// The pseudo-terminal that the host opens, or the device that the bench is served on.
+    /// The pseudo-terminal that the host opens, or the device on which the bench is served.
     #[must_use]
     pub fn port(&self) -> &Path {
         &self.port
     }
 
-    /// The CAN adapter or interface that the host opens, as a bench file names it.
+    /// The CAN adapter or interface that the host opens, in the form of a bench file.
     #[must_use]
     pub fn can_port(&self) -> &str {
         &self.can_port
     }
 
-    /// The operator's hands.
+    /// The control of the bench.
     #[must_use]
     pub fn control(&self) -> BenchControl {
         self.control.clone()
@@ -342,7 +345,7 @@ impl RunningBench {
 
 impl Drop for RunningBench {
     fn drop(&mut self) {
-        // Both fail only when the thread has ended, which is what is wanted.
+        // Both calls fail only if the thread has ended already, which is the aim.
         let _ = self.control.post(BenchCommand::Stop, None);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -371,11 +374,11 @@ impl Driver {
             self.bench.excuse(self.clock.take_stood_still(), now);
             self.read(now)?;
             self.can.read(&mut self.bench, now)?;
-            // What the adapter has not handed on yet was said and has not left: time must not pass by it.
+            // Frames in the adapter were sent but have not left: time must not pass beyond them.
             self.bench.can_held = !self.can.is_drained();
             self.bench.advance(now);
             if !self.bench.is_powered() {
-                // Who gave up waiting is gone.
+                // A caller that gave up waiting is gone.
                 for done in self.wait_off.drain(..) {
                     let _ = done.send(());
                 }
@@ -386,7 +389,7 @@ impl Driver {
         }
     }
 
-    /// Carries out what was ordered; `false` to stop.
+    /// Carries out the pending commands; returns `false` to stop.
     fn obey(&mut self) -> bool {
         while let Ok((command, done)) = self.received.try_recv() {
             self.bench.pass_time(self.clock.now());
@@ -404,7 +407,7 @@ impl Driver {
                     let _ = told.send(self.bench.is_moving());
                 }
                 BenchCommand::Truth(told) => {
-                    // Whoever asked and left needs no answer.
+                    // A caller that has gone needs no answer.
                     let _ = told.send(self.bench.truth());
                 }
                 BenchCommand::WaitOff(done) => self.wait_off.push(done),
@@ -464,14 +467,14 @@ impl Driver {
         }
     }
 
-    /// Writes what is through the line; tells whether the port is full.
+    /// Writes bytes that have passed the line; returns whether the port is full.
     fn write(&mut self, now: Duration) -> io::Result<bool> {
         loop {
             let bytes = self.bench.output(now);
             if bytes.is_empty() {
                 return Ok(false);
             }
-            // What is said while the cable is out waits, and time at full speed with it, until it is thrown away.
+            // While the cable is out, output waits until it is thrown away, and at full speed time waits with it.
             let Some(tty) = &self.tty else { return Ok(true) };
             match nix::unistd::write(&tty.end, bytes) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
@@ -510,13 +513,13 @@ impl Driver {
             Ok(_) | Err(Errno::EINTR) => self.clock.waited(timeout),
             Err(error) => return Err(error.into()),
         }
-        // A device that was pulled out would read as "no bytes" for ever; our own pseudo-terminal never hangs up, since
-        // its other end is kept open.
+        // A device that was pulled out would read as "no bytes" forever. The bench's own pseudo-terminal never hangs
+        // up, since its other end is kept open.
         let line = fds.last().filter(|_| self.tty.is_some());
         if line.and_then(PollFd::revents).is_some_and(|events| events.contains(PollFlags::POLLHUP)) {
             return Err(Errno::ENXIO.into());
         }
-        // Only the waking mattered; what it was for is in the channel.
+        // Only the wake-up matters; its reason is in the channel.
         let mut rubbish = [0; 64];
         while matches!((&self.woken).read(&mut rubbish), Ok(count) if count > 0) {}
         Ok(())

@@ -1,60 +1,61 @@
-//! What is on its way over a line with faults: delayed, stopped, doubled or overtaken, whatever it is made of.
+//! Units (frames or bytes) under way on a line with faults: delayed, stopped, doubled or overtaken.
 //!
-//! One [`FaultQueue`] for each direction of a line, of frames as bytes or of CAN frames. It keeps order but for what is
-//! overtaken. Chance comes from seeded dice, and without a rate no dice are thrown: a seed repeats a run as long as each
-//! fault throws its dice at the same place. What takes time takes link time, which is never scaled.
+//! There is one [`FaultQueue`] for each direction of a line. Its units are frames as bytes or CAN frames. It keeps
+//! their order except for overtaken ones. Chance comes from seeded dice, and without a rate no dice are thrown: a seed
+//! repeats a run as long as each fault throws its dice at the same place. All times are link time, which is never
+//! scaled.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::noise::Dice;
 
-/// Frames that may pass one that is overtaken.
+/// Number of frames that may pass an overtaken one.
 const OVERTAKEN_BY: f64 = 3.0;
-/// An overtaken frame that nothing follows goes on after this long.
+/// Longest time that an overtaken frame waits if no frame follows.
 const OVERTAKEN_FOR: Duration = Duration::from_millis(20);
 
 /// How often frames are late, out of order or there twice. Shares are per million frames.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct QueueRates {
     pub(crate) doubled_frames: f64,
-    /// Arrive behind up to three that were sent later.
+    /// Frames that arrive behind up to three that were sent later.
     pub(crate) overtaken_frames: f64,
     pub(crate) delayed_frames: f64,
     pub(crate) delay_ms: f64,
-    /// Frames in the middle of which, or before which, the line stands still.
+    /// Frames in the middle of which, or before which, the line stalls.
     pub(crate) stalled_frames: f64,
     pub(crate) stall_ms: f64,
 }
 
-/// What a direction did to the frames that were sent on it: the injector's own count.
+/// The fault injector's own count of what it did to the frames of a direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Toll {
     /// Frames sent.
     pub frames: u64,
-    /// Of those lost, cut or altered, so that no receiver can take them for what they were.
+    /// Frames among them that were lost, cut or altered, so that a receiver cannot take them as they were.
     pub spoilt: u64,
-    /// Of those the ones that a receiver can miss: a whole frame came behind them, and no new count began with it.
+    /// Spoilt frames that a receiver can notice: a whole frame came behind them, and its numbers did not start anew.
     pub missable: u64,
-    /// Everything else that was done to frames: doubled, overtaken, delayed, stalled, babbled at, echoed.
+    /// Number of all other faults: doubled, overtaken, delayed, stalled, babbled at, echoed.
     pub others: u64,
 }
 
-/// What goes over a line.
+/// A unit on a line.
 pub(crate) trait Sent: Clone {
-    /// The part that is through before the line stands still, if it can stop in the middle, and the rest.
+    /// Splits the unit at a stall: the part before it, if the unit can stop in the middle, and the rest.
     fn stopped(self, dice: &mut Dice) -> (Option<Self>, Self);
 }
 
-/// One direction: what is on its way, in its order.
+/// One direction: the units under way, in their order.
 #[derive(Debug)]
 pub(crate) struct FaultQueue<T> {
     rates: QueueRates,
     pub(crate) dice: Dice,
     pub(crate) toll: Toll,
-    /// Units and when they go on.
+    /// Units and the times at which they arrive.
     units: VecDeque<(Duration, T)>,
-    /// A unit that others overtake: how many still, and how long at most.
+    /// The unit that others overtake: how many more may pass it, and until when.
     overtaken: Option<(u32, Duration, T)>,
 }
 
@@ -63,7 +64,7 @@ impl<T: Sent> FaultQueue<T> {
         Self { rates, dice, toll: Toll::default(), units: VecDeque::new(), overtaken: None }
     }
 
-    /// One more was sent, and passes the unit that is overtaken; whether that one goes on behind it.
+    /// Counts a unit that passes the overtaken one; returns whether the overtaken one goes on behind it.
     pub(crate) fn passes(&mut self) -> bool {
         self.overtaken.as_mut().is_some_and(|(left, _, _)| {
             *left -= 1;
@@ -71,7 +72,7 @@ impl<T: Sent> FaultQueue<T> {
         })
     }
 
-    /// The unit that was overtaken goes on now.
+    /// Lets the overtaken unit go on now.
     pub(crate) fn release(&mut self, now: Duration) {
         if let Some((_, _, unit)) = self.overtaken.take() {
             self.enqueue(unit, now);
@@ -93,7 +94,7 @@ impl<T: Sent> FaultQueue<T> {
         }
     }
 
-    /// Behind all that is on its way, late or not: a line does not let one byte pass another.
+    /// Puts a unit behind all others under way, even late ones: on a line no byte passes another.
     pub(crate) fn enqueue(&mut self, unit: T, now: Duration) {
         let ms = |ms: f64| Duration::from_secs_f64(ms * 1e-3);
         let delayed = self.dice.happens(self.rates.delayed_frames);
@@ -118,7 +119,7 @@ impl<T: Sent> FaultQueue<T> {
         self.units.push_back((now, unit));
     }
 
-    /// The next unit that has gone on by `now`.
+    /// The next unit that has arrived by `now`.
     pub(crate) fn pop(&mut self, now: Duration) -> Option<T> {
         if self.overtaken.as_ref().is_some_and(|(_, until, _)| *until <= now) {
             self.release(now);
@@ -127,14 +128,14 @@ impl<T: Sent> FaultQueue<T> {
         self.units.pop_front().map(|(_, unit)| unit)
     }
 
-    /// When more goes on.
+    /// The time at which the next unit arrives.
     pub(crate) fn next_due(&self) -> Option<Duration> {
         let front = self.units.front().map(|(due, _)| *due);
         let overtaken = self.overtaken.as_ref().map(|(_, until, _)| *until);
         [front, overtaken].into_iter().flatten().min()
     }
 
-    /// All that is on its way.
+    /// All units under way.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &T> {
         let overtaken = self.overtaken.iter().map(|(_, _, unit)| unit);
         self.units.iter().map(|(_, unit)| unit).chain(overtaken)

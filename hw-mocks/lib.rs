@@ -1,11 +1,11 @@
-//! The simulated bench: a world with a truth, a slave board and a GNC module in it.
+//! The simulated bench: a world with a truth, and in it a slave board and a GNC module.
 //!
-//! [`RunningBench`] serves a [`SimulatedBench`] on a pseudo-terminal or a serial port; [`BenchControl`] is what an operator or a
-//! fixture does at it; a [`Personality`] says what is in the socket and what is wrong with it. Faults change the world,
-//! a device or the wire, never an answer: the bench knows no plans, no limits and no verdicts, and must not know the
-//! right answer.
+//! [`RunningBench`] serves a [`SimulatedBench`] on a pseudo-terminal or a serial port. [`BenchControl`] does what an
+//! operator or a fixture does at it. A [`Personality`] says what is in the socket and what is wrong with it. Faults
+//! change the world, a device or the wire, never an answer: the bench knows no plans, no limits and no verdicts, and
+//! must not know the right answer.
 
-/// The bench file of the simulated bench, as a surveyor and its builder would write it.
+/// The bench file of the simulated bench, with the content that a surveyor and the builder of the bench would give it.
 pub const BENCH_FILE: &str = include_str!("bench.toml");
 
 mod adapter;

@@ -4,26 +4,26 @@ use std::time::Duration;
 
 use gnc_protocol::timing::BITS_PER_BYTE;
 
-/// Bytes are handed on in pieces of at most this much line time, as the buffers of a serial adapter do.
+/// Longest line time of a piece in which bytes are handed on, as the buffers of a serial adapter do.
 const PIECE: Duration = Duration::from_millis(1);
 
-/// Bytes taken off the front beyond which the rest is moved down.
+/// Number of bytes taken from the front after which the rest is moved down.
 const KEPT: usize = 64 * 1024;
 
 /// Bytes on their way.
 #[derive(Debug, Default)]
 pub(crate) struct ByteLine {
     bytes: Vec<u8>,
-    /// Bytes at the front that are through and taken.
+    /// Number of bytes at the front that have passed and were taken.
     taken: usize,
     /// Time of a byte in ns; 0 for a line without pace.
     byte_ns: u64,
-    /// When the byte before the first in the queue was through.
+    /// The time at which the byte before the first in the queue has passed.
     free_at: Duration,
 }
 
 impl ByteLine {
-    /// A line of so many baud; `None` for one without pace.
+    /// A line with this rate; `None` for a line without pace.
     pub(crate) fn new(rate_baud: Option<f64>) -> Self {
         let byte_ns = rate_baud.map_or(0, |baud| (f64::from(BITS_PER_BYTE) * 1e9 / baud.max(1.0)) as u64);
         Self { byte_ns, ..Self::default() }
@@ -49,7 +49,7 @@ impl ByteLine {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// The bytes that are through by `now`.
+    /// The bytes that have passed by `now`.
     pub(crate) fn ready(&self, now: Duration) -> &[u8] {
         let through = match self.byte_ns {
             0 => self.len(),
@@ -58,7 +58,7 @@ impl ByteLine {
         &self.bytes[self.taken..][..through.min(self.len())]
     }
 
-    /// Takes bytes off the front.
+    /// Removes bytes from the front.
     pub(crate) fn consume(&mut self, count: usize) {
         self.taken += count.min(self.len());
         if self.is_empty() {
@@ -70,7 +70,7 @@ impl ByteLine {
         self.free_at += Duration::from_nanos(self.byte_ns * count as u64);
     }
 
-    /// When the next piece is through.
+    /// The time at which the next piece has passed.
     pub(crate) fn next_due(&self) -> Option<Duration> {
         if self.is_empty() {
             return None;

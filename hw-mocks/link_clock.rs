@@ -1,18 +1,18 @@
 //! Link time of a bench on ports. It is wall time: host and board time their signs of life by the wall.
 //!
-//! At full speed the board's watchdog does not count the time in which the bench's thread got no processor. At that speed
-//! requests move board time, and host and bench share a computer. A busy computer does not mean that the host fell
-//! silent. The board's own signs of life go by the wall all the same, since the host counts them by the wall.
+//! At full speed the board's watchdog does not count the time in which the bench's thread got no processor. At that
+//! speed requests move board time, and host and bench share a computer. A busy computer does not mean that the host
+//! fell silent. The board's own signs of life go by the wall all the same, since the host counts them by the wall.
 
 use std::time::{Duration, Instant};
 
 use crate::bench::Speed;
 
-/// Longest wait, so that a computer that stands still is noticed.
+/// Longest wait. It bounds the time until a computer that stands still is noticed.
 pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(250);
-/// The longest time between two looks at the clock, beside a wait, that is taken for work: a look makes some kilobytes of
-/// samples, or a piece of a memory test, each a few milliseconds of a processor. A busy computer takes a processor
-/// away after some milliseconds, so in any longer time the thread waited for one.
+/// The longest time between two looks at the clock, apart from a wait, that counts as work. A look makes some kilobytes
+/// of samples or a piece of a memory test, each a few milliseconds of a processor. A busy computer takes a processor
+/// away after some milliseconds, so a thread that needs longer has waited for a processor.
 const WORK: Duration = Duration::from_millis(20);
 
 /// The clock.
@@ -34,7 +34,7 @@ impl LinkClock {
         self.look(Instant::now(), Duration::ZERO)
     }
 
-    /// A wait is over that was to last so long at most.
+    /// Ends a wait that was to last at most this long.
     pub(crate) fn waited(&mut self, at_most: Duration) {
         self.look(Instant::now(), at_most);
     }
@@ -60,7 +60,7 @@ mod tests {
 
     const MINUTE: Duration = Duration::from_secs(60);
 
-    /// Link time and what is excused of it, after looks at these times and a wait of `LOOK_EVERY` before the last one.
+    /// Link time and the excused part of it, after looks at these times and a wait of `LOOK_EVERY` before the last one.
     fn link(speed: Speed, looks: [Duration; 2], waited_until: Duration) -> (Duration, Duration) {
         let start = Instant::now();
         let mut clock = LinkClock::start(start, speed);
@@ -73,14 +73,14 @@ mod tests {
     #[test]
     fn at_full_speed_a_computer_that_stands_still_is_no_silent_host() {
         let ms = Duration::from_millis;
-        // Ordinary turns excuse nothing at any speed.
+        // Normal turns excuse nothing at any speed.
         for speed in [Speed::Max, Speed::Times(1.0), Speed::Times(20.0)] {
             assert_eq!(link(speed, [ms(3), ms(20)], ms(270)), (ms(270), Duration::ZERO));
         }
-        // It stands still amid its work, and in a wait.
+        // The computer stands still during work, and during a wait.
         assert_eq!(link(Speed::Max, [ms(3), MINUTE], MINUTE + ms(7)), (MINUTE + ms(7), MINUTE - ms(3) - WORK));
         assert_eq!(link(Speed::Max, [ms(3), ms(5)], MINUTE), (MINUTE, MINUTE - ms(5) - WORK - LOOK_EVERY));
-        // A bench at true speed goes by the wall: its board does not stand still with the host.
+        // A bench at true speed goes by wall time: its board does not stand still with the host.
         assert_eq!(link(Speed::Times(1.0), [ms(3), MINUTE], MINUTE + ms(7)), (MINUTE + ms(7), Duration::ZERO));
     }
 

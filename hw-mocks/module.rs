@@ -22,7 +22,7 @@ use crate::personality::Personality;
 /// The module with all its devices.
 #[derive(Debug, Clone)]
 pub(crate) struct Module {
-    /// What it says about itself.
+    /// Its identity.
     pub identity: IdentityReply,
     /// Both cores.
     pub cpu: Cpu,
@@ -38,7 +38,7 @@ pub(crate) struct Module {
     pub internal_flash: FlashMemory,
     /// Gyroscopes, accelerometers, magnetometer.
     pub sensors: Sensors,
-    /// Where it keeps its calibration.
+    /// The memory for its calibration.
     pub calibration: CalibrationMemory,
     /// GNSS receiver.
     pub gnss: SimulatedReceiver,
@@ -50,7 +50,7 @@ pub(crate) struct Module {
     pub sci: Sci,
     /// CAN.
     pub can: CanController,
-    /// How it starts.
+    /// Its start behaviour.
     pub start: Start,
     supply: SupplyModel,
     supply_dice: Dice,
@@ -59,7 +59,7 @@ pub(crate) struct Module {
 }
 
 impl Module {
-    /// The module of a personality. `serial_number` is what it says unless the personality fixes one.
+    /// The module of a personality. It reports `serial_number` unless the personality fixes one.
     #[must_use]
     pub(crate) fn new(personality: &Personality, serial_number: &str, seed: u64) -> Self {
         let model = &personality.model;
@@ -98,7 +98,7 @@ impl Module {
         }
     }
 
-    /// Power came on at `now_s`.
+    /// Handles power-on at `now_s`.
     pub(crate) fn power_on(&mut self, now_s: f64) {
         self.start.power_on(now_s);
         if self.start.is_swapped() {

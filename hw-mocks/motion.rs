@@ -1,16 +1,16 @@
-//! Attitude as a function of time: a module that lies still, or turns about one axis at a rate that rises and falls
-//! along straight lines. Angles in rad, times in true seconds since the bench was started.
+//! Attitude as a function of time. A module is still, or turns about one axis at a rate that is piecewise linear in
+//! time. Angles in rad, times in true seconds since the bench was started.
 
 use nalgebra::{Rotation3, Unit, Vector3};
 
-/// One leg of a turn: the rate goes along a straight line to its end.
+/// One leg of a turn: the rate changes linearly up to the end of the leg.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Leg {
     pub(crate) span_s: f64,
     pub(crate) to_rps: f64,
 }
 
-/// Rate over time: from `first_rps` through the legs; the rate of the last one stays.
+/// Rate over time: from `first_rps` through the legs; the rate of the last leg stays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Profile {
     start_s: f64,
@@ -18,7 +18,7 @@ pub(crate) struct Profile {
     legs: [Leg; 3],
 }
 
-/// Where a turn is.
+/// The state of a turn at a moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Turn {
     pub(crate) angle: f64,
@@ -27,37 +27,37 @@ pub(crate) struct Turn {
 }
 
 impl Profile {
-    /// No turn at all.
+    /// A profile without a turn.
     pub(crate) fn still() -> Self {
         Self::steady(0.0, 0.0)
     }
 
-    /// The same rate for ever.
+    /// A constant rate forever.
     pub(crate) fn steady(start_s: f64, rate_rps: f64) -> Self {
         Self { start_s, first_rps: rate_rps, legs: [Leg { span_s: 0.0, to_rps: rate_rps }; 3] }
     }
 
-    /// A turn by `angle` in `span_s`, from rest to rest: up to the peak and down from it in `ramp` of the span each.
+    /// A turn by `angle` in `span_s`, from rest to rest. The ramps up and down take the part `ramp` of the span each.
     pub(crate) fn trapezoid(start_s: f64, angle: f64, span_s: f64, ramp: f64) -> Self {
         let peak_rps = angle / (span_s * (1.0 - ramp));
         let leg = |share, to_rps| Leg { span_s: share * span_s, to_rps };
         Self { start_s, first_rps: 0.0, legs: [leg(ramp, peak_rps), leg(1.0 - 2.0 * ramp, peak_rps), leg(ramp, 0.0)] }
     }
 
-    /// From a rate to another one, which stays.
+    /// A change from one rate to another, which stays.
     pub(crate) fn ramp(start_s: f64, from_rps: f64, to_rps: f64, acceleration: f64) -> Self {
         let span_s = (to_rps - from_rps).abs() / acceleration;
         let rest = Leg { span_s: 0.0, to_rps };
         Self { start_s, first_rps: from_rps, legs: [Leg { span_s, to_rps }, rest, rest] }
     }
 
-    /// When the turn has ended; `None` if it never does.
+    /// The time at which the turn has ended; `None` if it never does.
     pub(crate) fn end_s(&self) -> Option<f64> {
         let [.., last] = self.legs;
         (last.to_rps == 0.0).then(|| self.start_s + self.legs.iter().map(|leg| leg.span_s).sum::<f64>())
     }
 
-    /// Where the turn is at `now_s`; before its start, at the start.
+    /// The state of the turn at `now_s`; before its start, the state at the start.
     pub(crate) fn at(&self, now_s: f64) -> Turn {
         let mut left_s = (now_s - self.start_s).max(0.0);
         let (mut angle, mut rate_rps) = (0.0, self.first_rps);
@@ -75,7 +75,7 @@ impl Profile {
     }
 }
 
-/// Tilt of an axis that wobbles twice a turn.
+/// Tilt of an axis that wobbles twice in a turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Wobble {
     /// Amplitude of the tilt.
@@ -91,11 +91,11 @@ pub(crate) struct Motion {
     axis: Unit<Vector3<f64>>,
     profile: Profile,
     wobble: Wobble,
-    /// From the axis of the turn to the sensors, in the module's axes, m.
+    /// The vector from the axis of the turn to the sensors, in the module's axes, m.
     lever_m: Vector3<f64>,
 }
 
-/// How a module moves at one moment, in its axes.
+/// The motion of a module at one moment, in its axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moment {
     /// Takes components from the local frame into the module's.
@@ -107,13 +107,13 @@ pub(crate) struct Moment {
 }
 
 impl Motion {
-    /// Lies still.
+    /// A still module.
     pub(crate) fn still(base: Rotation3<f64>) -> Self {
         let none = Wobble { amplitude: 0.0, from: 0.0 };
         Self::turning(base, Vector3::z_axis(), Profile::still(), none, Vector3::zeros())
     }
 
-    /// Turns from an attitude about an axis of the module.
+    /// A turn from an attitude about an axis of the module.
     pub(crate) fn turning(
         base: Rotation3<f64>,
         axis: Unit<Vector3<f64>>,
@@ -124,7 +124,7 @@ impl Motion {
         Self { base, axis, profile, wobble, lever_m }
     }
 
-    /// When it has come to rest; `None` if it never does.
+    /// The time at which it has come to rest; `None` if it never does.
     pub(crate) fn end_s(&self) -> Option<f64> {
         self.profile.end_s()
     }
@@ -139,7 +139,7 @@ impl Motion {
         self.axis
     }
 
-    /// Where the turn is.
+    /// The state of the turn.
     pub(crate) fn turn(&self, now_s: f64) -> Turn {
         self.profile.at(now_s)
     }
@@ -148,7 +148,7 @@ impl Motion {
         self.at(now_s).attitude
     }
 
-    /// How the module moves at `now_s`.
+    /// The motion of the module at `now_s`.
     pub(crate) fn at(&self, now_s: f64) -> Moment {
         let turn = self.profile.at(now_s);
         // A module that turns by +phi sees the world turn by -phi.
@@ -158,7 +158,7 @@ impl Motion {
         if self.wobble.amplitude != 0.0 {
             let (tilt, tilt_by_angle) = self.tilt(turn.angle);
             attitude = turned * Rotation3::from_scaled_axis(-tilt) * self.base;
-            // To first order in the tilt: the next one is 1e-9 of the rate for 5 arc seconds.
+            // To first order in the tilt: the second order is 1e-9 of the rate for 5 arc seconds.
             rate_rps += turned * tilt_by_angle * turn.rate_rps;
         }
         let spin = self.axis.into_inner() * turn.rate_rps;
@@ -173,7 +173,7 @@ impl Motion {
         let Wobble { amplitude, from } = self.wobble;
         let any = if self.axis.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() };
         let in_rotor = self.axis.cross(&any).normalize();
-        // The tilt is fixed to the stator, which the rotor left behind by `from`.
+        // The tilt is fixed to the stator; the rotor has already turned by `from`.
         let first = Rotation3::from_axis_angle(&self.axis, -from) * in_rotor;
         let second = self.axis.cross(&first);
         let at = |angle: f64| {
@@ -190,7 +190,7 @@ impl Motion {
 mod tests {
     use super::*;
 
-    /// The figures of the published rotation, by hand: 1080 deg in 5 s with ramps of 10 % peak at 240 deg/s.
+    /// The published rotation, worked out by hand: 1080 deg in 5 s with ramps of 10 % peak at 240 deg/s.
     #[test]
     fn a_trapezoid_turns_by_its_angle_and_peaks_where_it_should() {
         let profile = Profile::trapezoid(10.0, 1080.0, 5.0, 0.1);
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(Profile::ramp(0.0, 0.0, 3.0, 1.0).end_s(), None);
     }
 
-    /// The rate must be what turns the attitude: `dA/dt = -[w x] A`, by finite differences, with every error on.
+    /// The rate must agree with the change of attitude: `dA/dt = -[w x] A`, by finite differences, with every error on.
     #[test]
     fn attitude_and_rate_belong_together() {
         let base = Rotation3::from_euler_angles(0.3, -0.2, 1.1);

@@ -1,13 +1,13 @@
-//! Seeded noise: the same seed gives the same draws, whenever they are drawn.
+//! Seeded noise: the same seed gives the same draws, at any time.
 //!
-//! Every source of chance has a stream of its own of one ChaCha generator, so that reading one device more often
-//! does not shift the noise of another.
+//! Every source of chance has its own stream of one ChaCha generator, so that reading one device more often does not
+//! shift the noise of another.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-/// What the chance is for; each has its own stream of numbers.
+/// The use of random numbers; each use has its own stream of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u64)]
 pub enum RandomStream {
@@ -35,21 +35,21 @@ pub enum RandomStream {
     Temperature = 11,
     /// Content of memories at power-on.
     Content = 12,
-    /// What happens to bytes on their way to the host.
+    /// Faults of bytes on their way to the host.
     Line = 13,
     /// 1PPS edges.
     Pps = 14,
     /// Duration of erases and writes of the internal flash.
     InternalFlash = 15,
-    /// What happens to bytes on their way to the board.
+    /// Faults of bytes on their way to the board.
     LineToBoard = 16,
     /// Faults of CAN on the way to the host.
     CanToHost = 17,
     /// Faults of CAN on the way to the board.
     CanToBoard = 18,
-    /// The turntable: what is new each time.
+    /// The turntable: errors that are new each time.
     Table = 19,
-    /// The turntable: what an orientation has whenever it is taken up.
+    /// The turntable: errors of an orientation that repeat whenever it is taken up.
     TablePosition = 20,
     /// Simulations of noise alone.
     Bootstrap = 21,
@@ -57,7 +57,7 @@ pub enum RandomStream {
     SensorUpsets = 22,
 }
 
-/// One stream of chance.
+/// One stream of random numbers.
 #[derive(Debug, Clone)]
 pub struct Dice {
     generator: ChaCha8Rng,
@@ -82,12 +82,12 @@ impl Dice {
         low + (high - low) * self.generator.random::<f64>()
     }
 
-    /// Whether something of so many in a million happens; without a rate no dice are thrown.
+    /// Whether an event with this rate per million happens; without a rate no dice are thrown.
     pub(crate) fn happens(&mut self, per_million: f64) -> bool {
         per_million > 0.0 && self.between(0.0, 1e6) < per_million
     }
 
-    /// A whole number from 0 to below `bound`; 0 below one.
+    /// A whole number from 0 to below `bound`; 0 if `bound` is below one.
     pub(crate) fn below(&mut self, bound: f64) -> usize {
         self.between(0.0, bound.max(1.0)) as usize
     }
@@ -106,7 +106,7 @@ pub(crate) struct GaussMarkov {
     deviation: f64,
     correlation_s: f64,
     value: f64,
-    /// Decay and noise of the interval stepped over last: most are alike.
+    /// Decay and noise of the last interval: most intervals are equal.
     last: (f64, f64, f64),
 }
 
@@ -117,9 +117,9 @@ impl GaussMarkov {
         Self { deviation, correlation_s, value: deviation * dice.normal(), last: (0.0, 1.0, 0.0) }
     }
 
-    /// Moves on by `span_s` and gives the new value.
+    /// Moves on by `span_s` and returns the new value.
     pub(crate) fn step(&mut self, span_s: f64, dice: &mut Dice) -> f64 {
-        // A process that is none needs no chance.
+        // A process without deviation needs no random number.
         if self.deviation == 0.0 {
             return 0.0;
         }
@@ -132,8 +132,8 @@ impl GaussMarkov {
         self.value
     }
 
-    /// Moves on by `span_s` and gives the mean over it. With `x = span/T` and `e = e^-x`, the end and the integral have,
-    /// given the start `v`, means `e v` and `T (1 - e) v`, variances `s^2 (1 - e^2)` and
+    /// Moves on by `span_s` and returns the mean over it. Let `x = span/T` and `e = e^-x`. Given the start `v`, the end
+    /// and the integral have means `e v` and `T (1 - e) v`, variances `s^2 (1 - e^2)` and
     /// `s^2 T^2 (2 x - 3 + 4 e - e^2)`, and covariance `s^2 T (1 - e)^2`.
     pub(crate) fn mean(&mut self, span_s: f64, dice: &mut Dice) -> f64 {
         if self.deviation == 0.0 || span_s <= 0.0 {

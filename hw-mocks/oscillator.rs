@@ -1,26 +1,26 @@
 //! The oscillator of the slave board against true time.
 
-/// How an oscillator runs. Its count and true time both begin with the bench.
+/// The properties of an oscillator. Its count and true time both begin with the bench.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Oscillator {
     /// How much too fast it runs at the bench's start, parts per million.
     pub error_ppm: f64,
-    /// How much faster it is each hour after that, parts per million.
+    /// How much faster it gets each hour after that, parts per million.
     pub drift_ppm_per_h: f64,
 }
 
 impl Oscillator {
-    /// Counted nanoseconds at a true moment: `t (1 + error) + drift t^2 / 2`.
+    /// Nanoseconds counted at a true moment: `t (1 + error) + drift t^2 / 2`.
     #[must_use]
     pub(crate) fn count_ns(&self, true_s: f64) -> f64 {
         true_s * 1e9 * (1.0 + self.error_ppm * 1e-6 + self.drift_per_s() * true_s / 2.0)
     }
 
-    /// The true moment at which it has counted so far, in seconds: the root of the same, in the form that loses no digits.
+    /// The true moment of a count, in seconds: the root of the same equation, in the form that loses no digits.
     #[must_use]
     pub(crate) fn true_s(&self, count_ns: u64) -> f64 {
         let (count_s, pace) = (count_ns as f64 * 1e-9, 1.0 + self.error_ppm * 1e-6);
-        // A drift that would stop it is cut off: personalities allow none within a day.
+        // A drift that would stop the oscillator is cut off: personalities allow no such drift within a day.
         let root = (pace * pace + 2.0 * self.drift_per_s() * count_s).max(0.0).sqrt();
         2.0 * count_s / (pace + root)
     }
@@ -44,7 +44,7 @@ mod tests {
             }
         }
         let oscillator = Oscillator { error_ppm: 30.0, drift_ppm_per_h: 2.0 };
-        // After an hour 30 ppm and, of the drift, a mean of 1 ppm.
+        // After an hour: 30 ppm, and a mean of 1 ppm from the drift.
         assert!((oscillator.count_ns(3600.0) - 3600e9 * (1.0 + 31e-6)).abs() < 1.0);
     }
 }

@@ -1,9 +1,10 @@
-//! Personalities: what a board and its module are like, as TOML.
+//! Personalities: TOML files that describe a board and its module.
 //!
-//! A personality says how the world, the devices and the wire differ from those of a good module; a file that says
-//! nothing is a good module. All mistakes of a file come at once, with line, column and a hint; a key of which the unit
-//! is another sensor's is one, and so is a key that changes nothing. `[expect.PLAN]` tables say for people and for tests how a plan should end; the bench
-//! carries them and never looks at them. All that a file may hold, with units last in the names:
+//! A personality says how the world, the devices and the wire differ from those of a good module; an empty file is a
+//! good module. All mistakes of a file are reported at once, with line, column and a hint. A key with the unit of
+//! another sensor is a mistake, and so is a key that changes nothing. `[expect.PLAN]` tables tell people and tests how
+//! a plan should end; the bench carries them and never reads them. A file may hold the following keys; the name of a
+//! key ends with its unit:
 //!
 //! ```
 //! # let text = r#"
@@ -242,12 +243,12 @@ use crate::sampling::SamplingFaults;
 use crate::turntable::TableModel;
 use crate::wire_faults::WireFaults;
 
-/// A personality, checked.
+/// A checked personality.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Personality {
-    /// Its name: the file's, without `.toml`.
+    /// Its name: the file name without `.toml`.
     pub name: String,
-    /// What it is, for people.
+    /// A description for people.
     pub description: String,
     /// How plans should end with it, by the plan's name.
     pub expect: BTreeMap<String, Expectation>,
@@ -257,13 +258,14 @@ pub struct Personality {
 /// How a plan should end with a personality.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Expectation {
-    /// An outcome in the records' words: passed, failed, errored.
+    /// An outcome in the words of the records: passed, failed, errored.
     pub outcome: String,
     /// The items that do not pass.
     pub items: Vec<String>,
-    /// The measured figures that do not pass; empty where the items say all. Names are the plan's and mean nothing here.
+    /// The measured figures that do not pass; empty if the items say all. The names belong to the plan and mean nothing
+    /// here.
     pub figures: Vec<String>,
-    /// Figures so near to their limit that chance decides: they, and with them their items, may pass or not.
+    /// Figures so near to their limit that chance decides: they and their items may pass or not.
     pub chance: Vec<String>,
 }
 
@@ -318,7 +320,7 @@ impl Personality {
     #[must_use]
     pub fn good() -> Self {
         let (name, text) = BOARDS[0];
-        // A test holds every embedded personality to be well formed; without a text it is good anyway.
+        // A test checks that every embedded personality is well formed. Without a readable text the module is good.
         Self::from_toml(name, text).unwrap_or_else(|_| Self {
             name: name.to_owned(),
             description: String::new(),
@@ -337,12 +339,13 @@ impl Personality {
     /// Reads a personality that needs no other file.
     ///
     /// # Errors
-    /// The first mistake of syntax, or else all of meaning: unknown keys, wrong types, values out of their range.
+    /// The first mistake of syntax; without one, all mistakes of content: unknown keys, wrong types, values out of
+    /// range.
     pub fn from_toml(name: &str, text: &str) -> Result<Self, Mistakes> {
         Self::with_files(name, text, &mut |_| Err("files are read beside a board's own file only".to_owned()))
     }
 
-    /// Reads a personality, and by `load` the files that it names beside its own.
+    /// Reads a personality, and with `load` the files that it names. They lie beside the personality's own file.
     ///
     /// # Errors
     /// As [`Personality::from_toml`]; or a file cannot be read.
@@ -368,7 +371,7 @@ fn expectations(table: &TomlTable<'_, '_>) -> BTreeMap<String, Expectation> {
             chance: names("chance"),
         }
     };
-    // Each key is a plan's name.
+    // Each key is the name of a plan.
     let plans = table.entries().into_iter().map(|entry| entry.key().to_owned());
     plans.filter_map(|plan| Some((plan.clone(), table.within(plan, expectation)?))).collect()
 }
@@ -439,10 +442,11 @@ impl PersonalityModel {
     }
 }
 
-/// Reads a file that a personality names, or says why it cannot.
+/// Reads a file that a personality names, or tells why it cannot.
 pub type Load<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, String>;
 
-/// Reads files in the folder of a personality's own. A file that is too long for anything is not read to its end.
+/// Reads files in the folder of the personality. It does not read a file to the end if it is longer than any use
+/// allows.
 pub fn beside(board: &Path) -> impl FnMut(&str) -> Result<Vec<u8>, String> {
     let folder = board.parent().unwrap_or(Path::new("")).to_owned();
     move |name| {

@@ -1,4 +1,4 @@
-//! Opens what the board's end of the line hangs on: a pseudo-terminal of our own, or a serial port of the computer.
+//! Opens the port at the board's end of the line: a new pseudo-terminal, or a serial port of the computer.
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -12,12 +12,12 @@ use nix::sys::termios::{
 };
 use nix::unistd::ttyname;
 
-/// The board's end of the line, raw and without blocking.
+/// The board's end of the line, raw and non-blocking.
 #[derive(Debug)]
 pub(crate) struct Tty {
-    /// Read and written by the board.
+    /// The end that the board reads and writes.
     pub(crate) end: OwnedFd,
-    /// What the host opens, or the device itself.
+    /// The path that the host opens, or the device itself.
     pub(crate) name: PathBuf,
     /// Without an open slave end the master of a pseudo-terminal hangs up whenever the host closes its own.
     pub(crate) kept_open: Option<OwnedFd>,
@@ -39,7 +39,7 @@ impl Tty {
     /// A serial port: 8 data bits, no parity, 1 stop bit, no flow control, modem lines ignored.
     pub(crate) fn device(name: &Path, rate_baud: u32) -> io::Result<Self> {
         let rate = standard_rate(rate_baud)?;
-        // Without waiting for a modem to answer, and without becoming its controlled job.
+        // Do not wait for a modem, and do not make the port the controlling terminal.
         let end = open(name, OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_NONBLOCK | OFlag::O_CLOEXEC, Mode::empty())?;
         let mut settings = tcgetattr(&end)?;
         cfmakeraw(&mut settings);
@@ -47,11 +47,11 @@ impl Tty {
         settings.control_flags.insert(ControlFlags::CLOCAL | ControlFlags::CREAD);
         cfsetspeed(&mut settings, rate)?;
         tcsetattr(&end, SetArg::TCSANOW, &settings)?;
-        // A driver that lacks the rate keeps another one and calls it a success.
+        // A driver without this rate keeps another one and reports success.
         if cfgetospeed(&tcgetattr(&end)?) != rate {
             return Err(io::Error::other("the port does not have this rate"));
         }
-        // What the line said before the board was there is nothing to it.
+        // Discard bytes from before the board was there.
         tcflush(&end, FlushArg::TCIOFLUSH)?;
         Ok(Self { end, name: name.to_owned(), kept_open: None })
     }
@@ -59,14 +59,14 @@ impl Tty {
 
 impl Drop for Tty {
     fn drop(&mut self) {
-        // Closing a serial port waits up to 30 s for bytes that the other end does not take; nobody listens any more.
+        // Closing a serial port waits up to 30 s for bytes that the other end does not take. They are no longer needed.
         if self.kept_open.is_none() {
             let _ = tcflush(&self.end, FlushArg::TCOFLUSH);
         }
     }
 }
 
-/// The rates that every system names; others need a call that not every driver has.
+/// The rates that every system defines; other rates need a call that not every driver supports.
 fn standard_rate(rate_baud: u32) -> io::Result<BaudRate> {
     Ok(match rate_baud {
         1200 => BaudRate::B1200,
@@ -94,7 +94,7 @@ mod tests {
 
     use super::*;
 
-    /// Every byte both ways, the ones that a terminal acts upon too.
+    /// Every byte passes both ways, also bytes with a meaning for terminals.
     #[test]
     fn a_device_is_raw() {
         let all: Vec<u8> = (0..=255).collect();

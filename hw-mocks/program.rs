@@ -1,4 +1,4 @@
-//! The simulated bench as a program: serves a board on a pseudo-terminal or a serial port and takes an operator's
+//! The simulated bench as a program. It serves a board on a pseudo-terminal or a serial port and takes an operator's
 //! commands on standard input, so that station and board run as two processes.
 
 use std::collections::VecDeque;
@@ -18,7 +18,7 @@ use crate::driver::{BenchGone, RunningBench, TurntableError};
 use crate::personality::{Personality, beside, boards};
 use crate::world::{ModuleAxis, Sign};
 
-/// Largest personality file that is read: they are a page long.
+/// Largest personality file that is read: such files are a page long.
 const LARGEST_FILE: u64 = 1024 * 1024;
 
 const HELP: &str = "\
@@ -76,7 +76,7 @@ struct Arguments {
 /// Reads `--speed`.
 ///
 /// # Errors
-/// A text for people when it is neither `max` nor a positive number.
+/// A text for people if it is neither `max` nor a positive number.
 pub(crate) fn parse_speed(text: &str) -> Result<Speed, String> {
     if text == "max" {
         return Ok(Speed::Max);
@@ -87,7 +87,7 @@ pub(crate) fn parse_speed(text: &str) -> Result<Speed, String> {
     }
 }
 
-/// Why the program ended badly.
+/// Why the program ended with an error.
 #[derive(Debug, thiserror::Error)]
 enum ProgramError {
     #[error("cannot read {}", path.display())]
@@ -112,13 +112,13 @@ enum ProgramError {
     Gone(#[from] BenchGone),
 }
 
-/// Runs the program with its command line, the program's name first.
+/// Runs the program with its command line, which begins with the program's name.
 #[must_use]
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
-            // Help and version go to standard output and are no mistake.
+            // Help and version go to standard output and are not mistakes.
             let _ = error.print();
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
@@ -151,7 +151,7 @@ fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
         rate_baud: arguments.rate,
         ..BenchOptions::default()
     };
-    // Blocked before any thread starts, so that only the thread that waits for them gets them.
+    // Blocked before any thread starts, so that only the waiting thread gets them.
     let mut signals = SigSet::empty();
     signals.add(Signal::SIGINT);
     signals.add(Signal::SIGTERM);
@@ -190,7 +190,7 @@ fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
                 Ok(Answer::Sleep(span)) => {
                     asleep = true;
                     let (control, events) = (bench.control(), events.clone());
-                    // Whoever waits for it is gone only when the program ends.
+                    // The receiver is gone only when the program ends.
                     std::thread::spawn(move || events.send(Event::Slept(control.sleep(span))));
                 }
                 Ok(Answer::Quit) => return Ok(()),
@@ -339,12 +339,12 @@ fn read_lines(events: Sender<Event>) {
     });
 }
 
-/// A symbolic link that goes when the program does.
+/// A symbolic link that is removed when the program ends.
 struct Link(PathBuf);
 
 impl Link {
     fn put(path: &Path, port: &Path) -> Result<Self, ProgramError> {
-        // A link left over from a run that was killed may be replaced; anything else there belongs to somebody.
+        // A link left over from a killed run may be replaced; any other file there is kept.
         if path.is_symlink() {
             let _ = std::fs::remove_file(path);
         }

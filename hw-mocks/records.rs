@@ -1,15 +1,15 @@
-//! The board's memory of what it found wrong.
+//! The board's memory of the errors that it found.
 
 use std::collections::VecDeque;
 
 use gnc_protocol::message::{ErrorKind, ErrorRecord, ErrorRecordsReply};
 
-/// Records kept; older ones give way.
+/// Number of records that are kept; older ones are dropped.
 pub(crate) const KEPT: usize = 64;
-/// Records that one request may leave: a dead memory must not push out what other requests found.
+/// Records that one request may leave: a dead memory must not push out the findings of other requests.
 pub(crate) const PER_REQUEST: usize = 4;
 
-/// Which request found something, and when.
+/// The request that found an error, and the time.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Finder {
     /// The host's number of the request.
@@ -20,16 +20,16 @@ pub(crate) struct Finder {
     pub board_time_us: u64,
 }
 
-/// What was found.
+/// An error that was found.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ErrorFinding {
-    /// What it is about.
+    /// Its kind.
     pub kind: ErrorKind,
-    /// Where.
+    /// Its place.
     pub place: u32,
-    /// What should have been there.
+    /// The expected value.
     pub expected: u32,
-    /// What was there.
+    /// The value found.
     pub got: u32,
 }
 
@@ -41,7 +41,7 @@ pub(crate) struct ErrorLog {
 }
 
 impl ErrorLog {
-    /// Notes what a request found, the first few of it.
+    /// Notes the first few findings of a request.
     pub(crate) fn note(&mut self, finder: Finder, findings: impl IntoIterator<Item = ErrorFinding>) {
         for finding in findings.into_iter().take(PER_REQUEST) {
             if self.kept.len() == KEPT {
@@ -65,7 +65,7 @@ impl ErrorLog {
     #[must_use]
     pub(crate) fn from(&self, index: u16) -> ErrorRecordsReply {
         let mut reply = ErrorRecordsReply { total: self.total, ..ErrorRecordsReply::default() };
-        // What does not fit the host asks for with the next index.
+        // The host asks for further records with the next index.
         for record in self.kept.iter().filter(|record| record.index >= index).take(IN_A_REPLY) {
             let _ = reply.records.push(record.clone());
         }

@@ -1,9 +1,9 @@
-//! What a request needs before it can start: parameters in range, devices, time.
+//! Prepares requests: checks their parameters, and works out their devices and their time.
 //!
-//! Board times: identity 20 ms; CPU 1 ms and 2 us a word or pair; RAM 30 ns an access; flash reads as the part,
-//! erases and writes as the part with its scatter; AD 1 ms and the samples at 10 kHz; IO 1 ms; SPI 0.2 ms and 8
-//! clocks a byte; SCI 0.5 ms and 10 bits a byte, one byte of delay; GNSS restart 50 ms; streams 1 ms; power on 150 ms,
-//! off 20 ms; timers what they time; calibration 1 ms, to commit it an erase of the internal flash and 3 ms.
+//! Board times: identity 20 ms; CPU 1 ms and 2 us a word or pair; RAM 30 ns an access; flash reads as the part; erases
+//! and writes as the part with its scatter; AD 1 ms and the samples at 10 kHz; IO 1 ms; SPI 0.2 ms and 8 clocks a byte;
+//! SCI 0.5 ms and 10 bits a byte, one byte of delay; GNSS restart 50 ms; streams 1 ms; power on 150 ms, off 20 ms;
+//! timers the time that they measure; calibration 1 ms, its commit an erase of the internal flash and 3 ms.
 
 use gnc_protocol::can;
 use gnc_protocol::error::NakCode;
@@ -21,7 +21,7 @@ use crate::module::Module;
 
 /// Nanoseconds in a millisecond of board time.
 pub(crate) const MS: u64 = 1_000_000;
-/// An access to either RAM.
+/// Time of an access to either RAM.
 pub(crate) const RAM_ACCESS_NS: u64 = 30;
 /// Time to program a calibration into an erased sector.
 const CALIBRATION_WRITE_MS: f64 = 3.0;
@@ -49,10 +49,10 @@ pub(crate) mod uses {
     pub(crate) const PPS_STREAM: u32 = 1 << 14;
     pub(crate) const CAN: u32 = 1 << 15;
     pub(crate) const COMPENSATED_STREAM: u32 = 1 << 16;
-    /// The supply feeds everything.
+    /// The supply feeds all devices.
     pub(crate) const SUPPLY: u32 = u32::MAX;
 
-    /// What starting or stopping a stream holds.
+    /// The devices that starting or stopping a stream holds.
     pub(crate) fn of_stream(stream: super::StreamId) -> u32 {
         match stream {
             super::StreamId::Imu => IMU_STREAM,
@@ -91,25 +91,25 @@ pub(crate) mod uses {
 /// A request ready to start.
 #[derive(Debug)]
 pub(crate) struct Work {
-    /// What the board tells the host.
+    /// The time that the board reports to the host.
     pub(crate) expected_ns: u64,
-    /// What it will really take.
+    /// The time that it really takes.
     pub(crate) takes_ns: u64,
     pub(crate) task: Task,
 }
 
-/// What is to be done, and when.
+/// The work of a request, and when it is done.
 #[derive(Debug)]
 pub(crate) enum Task {
-    /// All of it at the end.
+    /// All work is done at the end.
     AtEnd(Request),
-    /// A flash that is busy for the time drawn.
+    /// A flash that is busy for the drawn time.
     Flash { request: Request, duration_us: u32 },
-    /// Intervals already drawn, since they are what takes the time.
+    /// Intervals that are already drawn, since they determine the time.
     Timers { request: TimerMeasure, reply: TimerMeasureReply },
-    /// A pattern that goes over the memory as time passes.
+    /// A pattern that moves over the memory as time passes.
     Pattern { ram: Ram, run: PatternRun, done: u64, accesses: u64 },
-    /// The module does not answer, and the board gives it up.
+    /// The module does not answer, and the board gives up.
     Unanswered,
 }
 
@@ -160,8 +160,8 @@ fn ms(time_ms: f64) -> u64 {
     (time_ms * MS as f64) as u64
 }
 
-/// Checks the parameters of a request and tells which devices it needs. Draws nothing, so that a refused request
-/// leaves no trace.
+/// Checks the parameters of a request and returns the devices that it needs. It draws no random numbers, so that a
+/// refused request leaves no trace.
 pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, RequestRefusal> {
     match request {
         Request::MakeSafe(_) | Request::Abort(_) | Request::ErrorRecords(_) | Request::LinkCounters(_) => {
@@ -268,7 +268,7 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Reque
     }
 }
 
-/// The board gives a module up that does not answer for so long.
+/// Time after which the board gives up on a silent module.
 const UNANSWERED_NS: u64 = 100 * MS;
 
 /// A request to a module that does not answer.
@@ -276,7 +276,7 @@ pub(crate) fn unanswered() -> Work {
     Work { expected_ns: UNANSWERED_NS, takes_ns: UNANSWERED_NS, task: Task::Unanswered }
 }
 
-/// Works out how long a checked request takes, and draws what has to be known for that.
+/// Works out how long a checked request takes, and draws the random numbers that this needs.
 pub(crate) fn prepare(request: Request, module: &mut Module) -> Work {
     let bits_ns = |bits: usize, rate_hz: u32| bits as u64 * 1_000_000_000 / u64::from(rate_hz.max(1));
     let part_of = |module: &mut Module, number| module.flash(flash_of(number).map_or(Flash::Spi, |of| of.0)).part;
@@ -357,7 +357,7 @@ pub(crate) fn needs_power(request: &Request) -> bool {
     )
 }
 
-/// The device that a request is about, by the name of its test item: what triggers of faults speak of.
+/// The device of a request, by the name of its test item; the triggers of faults use these names.
 pub(crate) fn device(request: &Request) -> &'static str {
     let flash = |number| if number == Flash::Spi as u8 { "spi-flash" } else { "internal-flash" };
     match request {
@@ -391,7 +391,7 @@ fn is_imu(stream: u8) -> bool {
     samples_of(stream).is_some()
 }
 
-/// Bytes of a sample and most samples in a frame, of the streams that carry samples of the IMU.
+/// Bytes of a sample and most samples in a frame, for the streams with samples of the IMU.
 pub(crate) fn samples_of(stream: u8) -> Option<(usize, usize)> {
     match StreamId::from_number(stream)? {
         StreamId::Imu => Some((IMU_SAMPLE, MAX_IMU_SAMPLES)),
@@ -419,7 +419,7 @@ fn check_stream(start: &StreamStart) -> Result<(), RequestRefusal> {
     }
 }
 
-/// Samples in a frame of samples of the IMU: the host's choice, or a frame every 50 ms at most.
+/// Samples in a frame of IMU samples: the host's choice, or at least a frame every 50 ms.
 pub(crate) fn samples_per_frame(start: &StreamStart) -> u8 {
     let most = samples_of(start.stream).map_or(1, |(_, most)| most);
     match start.samples_per_frame {
@@ -443,7 +443,7 @@ pub(crate) fn load_permille(start: &StreamStart, rate_baud: u32) -> u32 {
     }
 }
 
-/// Whether one more stream fits beside those that take `taken_permille`.
+/// Checks whether one more stream fits beside those that take `taken_permille`.
 pub(crate) fn check_load(start: &StreamStart, taken_permille: u32, rate_baud: u32) -> Result<u32, RequestRefusal> {
     let load = load_permille(start, rate_baud);
     if load + taken_permille <= MAX_LOAD_PERMILLE {
@@ -463,7 +463,7 @@ pub(crate) fn check_load(start: &StreamStart, taken_permille: u32, rate_baud: u3
     Err(RequestRefusal::new(NakCode::DoesNotFit, &why))
 }
 
-/// On CAN each sample of the IMU is on its own.
+/// Sets one IMU sample a frame, which CAN requires.
 pub(crate) fn one_sample_a_frame(start: &mut StreamStart) -> Result<(), RequestRefusal> {
     if is_imu(start.stream) {
         range("samples_per_frame on CAN", start.samples_per_frame, 0, 1)?;
@@ -472,7 +472,7 @@ pub(crate) fn one_sample_a_frame(start: &mut StreamStart) -> Result<(), RequestR
     Ok(())
 }
 
-/// Whether one more stream fits on the CAN bus beside those that take `taken_permille`.
+/// Checks whether one more stream fits on the CAN bus beside those that take `taken_permille`.
 pub(crate) fn check_can_load(start: &StreamStart, taken_permille: u32) -> Result<u32, RequestRefusal> {
     let bits = match stream_of(start.stream)? {
         StreamId::Imu => can::stream::imu_bits(start.rate_hz.into()),

@@ -9,7 +9,7 @@ use crate::{BenchControl, ModuleAxis, Sign};
 
 /// Number of DIP switches.
 const SWITCHES: u8 = 5;
-/// From one spin over to the opposite one of the same rate takes the ramp this many times.
+/// The change from one spin to the opposite one of the same rate takes this many ramps.
 const BOTH_SENSES: f64 = 2.0;
 
 impl TurntableDriver for BenchControl {
@@ -40,7 +40,7 @@ impl TurntableDriver for BenchControl {
     }
 
     fn wait_at_rate(&self, rate_dps: f64) -> Result<(), DriverError> {
-        // The table reaches its rate by a ramp of its own.
+        // The table needs a ramp to reach its rate.
         Ok(self.sleep(Duration::from_secs_f64(rate_dps.abs() * BOTH_SENSES / ACCELERATION_DPS2))?)
     }
 

@@ -1,24 +1,25 @@
-//! How the board takes and times the samples of the IMU: on the grid of its own clock, unless a personality says otherwise.
+//! How the board takes and times the samples of the IMU: on the grid of its own clock, unless a personality differs.
 
-/// What is wrong with the samples' times.
+/// Faults of the samples' times.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct SamplingFaults {
-    /// The sensor has an oscillator of its own, which is so much too fast against the board's; nothing resamples.
+    /// Error of a separate oscillator of the sensors against the board's, positive if too fast; samples are not
+    /// resampled.
     pub(crate) rate_error_ppm: f64,
-    /// The times in frames are counted from the rate that was asked for, whenever the samples were taken.
+    /// The times in frames are counted from the requested rate, whatever the true sample times.
     pub(crate) counted_times: bool,
-    /// The times in frames are off for a while.
+    /// The times in frames are wrong for a while.
     pub(crate) step: Option<TimeStep>,
 }
 
-/// Times that are off for a while in each stream.
+/// A while in each stream in which the times are wrong.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TimeStep {
-    /// From so long after the stream's start.
+    /// Start of that while, after the stream's start.
     pub(crate) at_s: f64,
-    /// For so long.
+    /// Length of that while.
     pub(crate) for_s: f64,
-    /// By so much.
+    /// Error of the times.
     pub(crate) step_us: i64,
 }
 
@@ -29,7 +30,8 @@ impl SamplingFaults {
         if self.rate_error_ppm == 0.0 { even_ns } else { (even_ns as f64 / (1.0 + self.rate_error_ppm * 1e-6)) as u64 }
     }
 
-    /// What a frame says instead of the board time at which its first sample was taken: nanoseconds after the stream's start.
+    /// The time that a frame tells for its first sample, in place of the true one: nanoseconds after the stream's
+    /// start.
     pub(crate) fn told_ns(&self, index: u32, rate_hz: u64) -> u64 {
         let told_ns = if self.counted_times { on_grid_ns(index, rate_hz) } else { self.taken_ns(index, rate_hz) };
         match self.step {
@@ -52,7 +54,7 @@ mod tests {
     #[test]
     fn each_fault_moves_the_times_as_it_says() {
         let own = SamplingFaults { rate_error_ppm: -5000.0, ..SamplingFaults::default() };
-        // 995 samples a second: the 995th is there after a second.
+        // At 995 samples a second the 995th comes after a second.
         assert_eq!((own.taken_ns(994, 1000), own.told_ns(994, 1000)), (1_000_000_000, 1_000_000_000));
         let counted = SamplingFaults { counted_times: true, ..own };
         assert_eq!((counted.taken_ns(994, 1000), counted.told_ns(994, 1000)), (1_000_000_000, 995_000_000));

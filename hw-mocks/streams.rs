@@ -19,20 +19,20 @@ pub(crate) struct RunningStream {
     count: u32,
     per_frame: u16,
     started_ns: u64,
-    /// Samples (bytes) so far; dropped ones count.
+    /// Number of samples (bytes) so far, including dropped ones.
     produced: u32,
     dropped: u32,
     pending: FieldWriter,
     pending_count: u16,
     first: u32,
     first_time_us: u64,
-    /// Epochs of 0.2 s or seconds of UTC already dealt with.
+    /// Number of epochs of 0.2 s, or of UTC seconds, that are already handled.
     pub(crate) tick: u64,
-    /// What makes compensated samples of raw ones, as it was at the start.
+    /// The compensation of raw samples, as it was at the stream's start.
     pub(crate) compensation: Option<StoredCompensation>,
-    /// What is wrong with the samples' times.
+    /// Faults of the samples' times.
     pub(crate) sampling: SamplingFaults,
-    /// What it sees of the sensors, from its first sample on.
+    /// Its view of the sensors, set from its first sample on.
     pub(crate) reader: Option<SensorReader>,
 }
 
@@ -62,7 +62,7 @@ impl RunningStream {
         self.rate_hz
     }
 
-    /// Whether it has produced all that was asked for.
+    /// Whether it has produced all requested samples.
     pub(crate) fn is_complete(&self) -> bool {
         self.count != 0 && self.produced >= self.count
     }
@@ -71,29 +71,29 @@ impl RunningStream {
         StreamStopReply { produced: self.produced, dropped: self.dropped }
     }
 
-    /// When the IMU sample `index` is taken: the first one a period after the start.
+    /// The time of the IMU sample `index`: the first one comes a period after the start.
     fn imu_time_ns(&self, index: u32) -> u64 {
         self.started_ns + self.sampling.taken_ns(index, self.rate_hz)
     }
 
-    /// What a frame says of the time of the next IMU sample.
+    /// The time that a frame tells for the next IMU sample.
     pub(crate) fn next_told_ns(&self) -> u64 {
         self.started_ns + self.sampling.told_ns(self.produced, self.rate_hz)
     }
 
-    /// When the next IMU sample is taken.
+    /// The time of the next IMU sample.
     pub(crate) fn next_imu_ns(&self) -> u64 {
         self.imu_time_ns(self.produced)
     }
 
-    /// When the IMU frame begun is full.
+    /// The time at which the current IMU frame is full.
     pub(crate) fn frame_full_ns(&self) -> u64 {
         let missing = u32::from(self.per_frame - self.pending_count.min(self.per_frame - 1)) - 1;
         let missing = if self.count == 0 { missing } else { missing.min(self.count.saturating_sub(self.produced + 1)) };
         self.imu_time_ns(self.produced + missing)
     }
 
-    /// Adds a sample of the IMU, raw or compensated; gives a frame when one is full.
+    /// Adds a sample of the IMU, raw or compensated; returns a frame when one is full.
     pub(crate) fn add_sample(&mut self, sample: &impl Wire, time_us: u64) -> Option<StreamFrame> {
         self.add(1, time_us);
         // A frame is closed before its samples outgrow it.
@@ -101,14 +101,14 @@ impl RunningStream {
         (self.pending_count >= self.per_frame || self.is_complete()).then(|| self.take_frame()).flatten()
     }
 
-    /// Adds an edge of the 1PPS, which travels at once.
+    /// Adds an edge of the 1PPS, which is sent at once.
     pub(crate) fn add_pps(&mut self, capture: &PpsCapture, time_us: u64) -> Option<StreamFrame> {
         self.add(1, time_us);
         let _ = capture.put(&mut self.pending);
         self.take_frame()
     }
 
-    /// Adds the receiver's bytes, which travel at once in as many frames as they need.
+    /// Adds the receiver's bytes, which are sent at once in as many frames as they need.
     pub(crate) fn add_bytes(&mut self, bytes: &[u8], time_us: u64) -> Vec<StreamFrame> {
         let room = if self.count == 0 { bytes.len() } else { (self.count - self.produced.min(self.count)) as usize };
         let bytes = &bytes[..bytes.len().min(room)];
@@ -120,7 +120,7 @@ impl RunningStream {
         bytes.chunks(MAX_SAMPLE_BYTES).filter_map(frame).collect()
     }
 
-    /// Counts what is put into the frame next.
+    /// Counts what is added to the frame.
     fn add(&mut self, count: u16, time_us: u64) {
         if self.pending_count == 0 {
             (self.first, self.first_time_us) = (self.produced, time_us);
@@ -129,7 +129,7 @@ impl RunningStream {
         self.produced = self.produced.wrapping_add(u32::from(count));
     }
 
-    /// The samples that wait, as a frame.
+    /// The waiting samples as a frame.
     pub(crate) fn take_frame(&mut self) -> Option<StreamFrame> {
         if self.pending_count == 0 {
             return None;
@@ -147,18 +147,18 @@ impl RunningStream {
         Some(frame)
     }
 
-    /// A frame for which the line had no room.
+    /// Counts a frame for which the line had no room.
     pub(crate) fn drop_frame(&mut self, frame: &StreamFrame) {
         self.dropped = self.dropped.wrapping_add(u32::from(frame.head.count));
     }
 }
 
-/// Bytes of a frame on the line, at most.
+/// Most bytes of a frame on the line.
 pub(crate) fn stream_bytes(frame: &StreamFrame) -> usize {
     on_wire(STREAM_HEAD + frame.samples.len())
 }
 
-/// How the samples of a stream are laid out.
+/// The layout of the samples of a stream.
 pub(crate) fn format_of(id: StreamId) -> Format {
     match id {
         StreamId::Imu => Format::Imu,

@@ -1,19 +1,20 @@
-//! The simulated turntable: what a table does when it is told to orient, rotate, spin or stop, with its own errors.
+//! The simulated turntable: how a table with errors follows the commands to orient, rotate, spin or stop.
 //!
 //! # How it stands
 //! The table's axis can be set up, to the north or parallel to the earth's axis, and the socket can be put on it in any
-//! attitude. All of that is never quite right, and [`TableModel`] says by how much. For an ideal attitude `A` (local frame
-//! into module) the module really lies at `M E A T`: `T` is the alignment of the axis and of its heading, the same all
-//! the time; `E` the error of this orientation (the same whenever it is taken up again) and its repeatability (new each
-//! time); `M` the mounting of the socket. The table turns about its own true axis, so that the module sees the turn along
-//! `M E` times the axis it was told.
+//! attitude. Each of these has errors, and [`TableModel`] gives their size. For an ideal attitude `A` (local frame into
+//! module) the module really lies at `M E A T`. `T` is the alignment of the axis and of its heading, constant all the
+//! time. `E` is the error of this orientation (the same whenever it is taken up again) and its repeatability (new each
+//! time). `M` is the mounting of the socket. The table turns about its own true axis, so the module sees the turn along
+//! `M E` times the commanded axis.
 //!
 //! # How it moves
 //! - Orienting takes `slew_s`: the shortest turn from attitude to attitude, from rest to rest.
-//! - A rotation has a trapezoidal rate: ramps of [`RAMP_SHARE`] of the span at both ends, so that 1080 deg in 5 s go up to
-//!   240 deg/s in 0.5 s and down again. It turns by `angle (1 + angle_error_ppm)` and a new error of `angle_error_arcsec`.
+//! - A rotation has a trapezoidal rate: ramps of [`RAMP_SHARE`] of the span at both ends, so that 1080 deg in 5 s go up
+//!   to 240 deg/s in 0.5 s and down again. It turns by `angle (1 + angle_error_ppm)` and a new error of
+//!   `angle_error_arcsec`.
 //! - A spin ramps at [`ACCELERATION_DPS2`] to `rate (1 + rate_error_ppm)` and stays there.
-//! - A stop ramps down at [`STOP_DPS2`] from whatever runs. After a stop amid orienting the table must be oriented anew.
+//! - A stop ramps down at [`STOP_DPS2`] from any motion. After a stop amid orienting the table must be oriented anew.
 
 use gnc_rig::Along;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
@@ -28,12 +29,12 @@ pub(crate) const RAMP_SHARE: f64 = 0.1;
 pub(crate) const ACCELERATION_DPS2: f64 = 1500.0;
 /// Deceleration of a stop: 5400 deg/s end in 1.8 s.
 pub(crate) const STOP_DPS2: f64 = 3000.0;
-/// Fastest that the table turns: 15 rev/s and a third more.
+/// Fastest rate of the table: 15 rev/s and a third more.
 pub(crate) const FASTEST_DPS: f64 = 7200.0;
-/// Longest rotation: a day, beyond which somebody mistook the unit.
+/// Longest rotation: a day. A longer one means a wrong unit.
 pub(crate) const LONGEST_S: f64 = 86_400.0;
 
-/// The errors of a table. All defaults are those of a good position table with a socket screwed on by hand.
+/// The errors of a table. The defaults are those of a good position table with a socket screwed on by hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TableModel {
     /// Tilt of the axis: towards the reference direction (north for [`Along::Up`], else up in the meridian), and to
@@ -43,23 +44,23 @@ pub struct TableModel {
     pub heading_error_arcsec: f64,
     /// The socket on the table: rotation vector from the plate's axes to the module's, in the module's axes.
     pub mounting_deg: [f64; 3],
-    /// Deviation about each axis of the error that an orientation has whenever it is taken up.
+    /// Deviation about each axis of the orientation's repeatable error.
     pub attitude_error_arcsec: f64,
-    /// Deviation about each axis of what is new each time.
+    /// Deviation about each axis of the error that is new each time.
     pub repeatability_arcsec: f64,
-    /// All rotations turn too far by this.
+    /// Relative error of the angle of all rotations, positive if too far.
     pub angle_error_ppm: f64,
     /// Deviation of a rotation's angle, new each time.
     pub angle_error_arcsec: f64,
-    /// All spins turn too fast by this.
+    /// Relative error of the rate of all spins, positive if too fast.
     pub rate_error_ppm: f64,
-    /// Amplitude of the axis's tilt, twice a turn.
+    /// Amplitude of the axis's tilt, with two periods a turn.
     pub wobble_arcsec: f64,
     /// Field of the fixture at the magnetometer, in the module's axes: it turns with the module.
     pub field_mgauss: [f64; 3],
-    /// The field around the table comes and goes by this part of itself, with a period of 1000 s.
+    /// The field around the table swings by this part of itself, with a period of 1000 s.
     pub field_swing_ppm: f64,
-    /// From the axis to the sensors, in the module's axes.
+    /// The vector from the axis to the sensors, in the module's axes.
     pub lever_arm_mm: [f64; 3],
     /// Time that orienting takes; 0: at once.
     pub slew_s: f64,
@@ -85,47 +86,47 @@ impl Default for TableModel {
     }
 }
 
-/// Why the table does not do what it was told.
+/// Why the table refuses a command.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum TableRefusal {
-    /// It moves.
+    /// The table moves.
     #[error("the turntable is moving; stop it first")]
     Moving,
-    /// It spins, and would be waited for in vain.
+    /// The table spins, so a wait would never end.
     #[error("the turntable spins without end; stop it first")]
     Spinning,
     /// A stop left it between two orientations.
     #[error("the turntable was stopped between two orientations; orient it first")]
     NotOriented,
-    /// A direction that is none.
+    /// The direction is zero or not finite.
     #[error("({x}, {y}, {z}) is no direction", x = up[0], y = up[1], z = up[2])]
     NoDirection {
-        /// What was given.
+        /// The given direction.
         up: [f64; 3],
     },
-    /// A number that is none.
+    /// The number is not finite.
     #[error("{value} is no {what}")]
     NoNumber {
-        /// What it should be.
+        /// The quantity that it should be.
         what: &'static str,
-        /// What was given.
+        /// The given value.
         value: f64,
     },
     /// A span outside its bounds.
     #[error("a span of {span_s} s is not in 0.001 to {LONGEST_S} s")]
     Span {
-        /// What was given.
+        /// The given span.
         span_s: f64,
     },
-    /// Faster than the table can.
+    /// The rate is faster than the table can turn.
     #[error("{rate_dps} deg/s are more than the {FASTEST_DPS} deg/s of the turntable")]
     TooFast {
-        /// Peak of what was asked for.
+        /// Peak rate of the command.
         rate_dps: f64,
     },
 }
 
-/// What really is of the table, for tests.
+/// The true state of the table, for tests.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TableTruth {
     /// Its errors.
@@ -150,11 +151,11 @@ pub(crate) struct SimulatedTable {
     dice: Dice,
     /// The axis in the module's axes; `None` after a stop amid orienting.
     axis: Option<Unit<Vector3<f64>>>,
-    /// Orienting takes until then.
+    /// The time until which orienting takes.
     slewing_until_s: f64,
-    /// Angle of the table at the start of the motion that runs, rad.
+    /// Angle of the table at the start of the current motion, rad.
     angle: f64,
-    /// Whether the motion that runs, or ran last, is a turn of the table.
+    /// Whether the current or last motion is a turn of the table.
     turning: bool,
     rotation_deg: f64,
 }
@@ -172,7 +173,7 @@ impl SimulatedTable {
         Self { model, seed, dice, axis, slewing_until_s: 0.0, angle: 0.0, turning: false, rotation_deg: 0.0 }
     }
 
-    /// The module was laid down by hand: the table's axis is along this one.
+    /// Takes note that the module was laid down by hand: the table's axis is along this one.
     pub(crate) fn laid(&mut self, axis: ModuleAxis) {
         self.axis = Some(Unit::new_unchecked(axis.unit()));
         (self.slewing_until_s, self.turning) = (0.0, false);
@@ -181,7 +182,7 @@ impl SimulatedTable {
     /// Begins to point an axis of the module along a direction.
     ///
     /// # Errors
-    /// [`TableRefusal`] when it moves, or the heading is no number.
+    /// [`TableRefusal`] if the table moves, or the heading is not a number.
     pub(crate) fn orient(
         &mut self,
         world: &mut World,
@@ -193,12 +194,13 @@ impl SimulatedTable {
         self.take_up(world, along, (axis.unit() * sign.factor(), axis), axis.unit(), heading_deg, now_s)
     }
 
-    /// Begins to lay the module so that `up` (module axes, any length) points up. Of the axis nearest to `up` (the first
-    /// of equals) the next one points at the heading as nearly as it can, and turns are right-handed about the nearest
-    /// one's positive end: for `up` along an axis all this is as with [`SimulatedTable::orient`].
+    /// Begins to lay the module so that `up` (module axes, any length) points up. The axis nearest to `up` counts (the
+    /// first of equals). The axis after it points at the heading as nearly as possible, and turns are right-handed
+    /// about the positive end of the nearest axis. For `up` along an axis all this is as with
+    /// [`SimulatedTable::orient`].
     ///
     /// # Errors
-    /// [`TableRefusal`] when it moves, or there is no such direction or heading.
+    /// [`TableRefusal`] if the table moves, or there is no such direction or heading.
     pub(crate) fn orient_up(
         &mut self,
         world: &mut World,
@@ -212,7 +214,7 @@ impl SimulatedTable {
             return Err(TableRefusal::NoDirection { up });
         }
         let unit = given / length;
-        // The first of equals, so that nothing hangs on the last bit.
+        // The first of equals, so that the choice does not depend on the last bit.
         let nearest = ModuleAxis::ALL.into_iter().fold(ModuleAxis::X, |best, axis| {
             if unit[axis.index()].abs() > unit[best.index()].abs() + 1e-9 { axis } else { best }
         });
@@ -223,7 +225,7 @@ impl SimulatedTable {
     /// Begins a rotation by an angle within a span, from rest to rest, right-handed about the module's axis.
     ///
     /// # Errors
-    /// [`TableRefusal`] when it moves, was left between two orientations, or cannot turn so fast.
+    /// [`TableRefusal`] if the table moves, was left between two orientations, or cannot turn so fast.
     pub(crate) fn rotate(
         &mut self,
         world: &mut World,
@@ -245,10 +247,11 @@ impl SimulatedTable {
         Ok(())
     }
 
-    /// Begins to spin, right-handed about the module's axis, from the rate that it has now.
+    /// Begins to spin, right-handed about the module's axis, starting at its present rate.
     ///
     /// # Errors
-    /// [`TableRefusal`] while it is oriented, was left between two orientations, or cannot turn so fast.
+    /// [`TableRefusal`] while the table is oriented, if it was left between two orientations, or if it cannot turn so
+    /// fast.
     pub(crate) fn spin(&mut self, world: &mut World, rate_dps: f64, now_s: f64) -> Result<(), TableRefusal> {
         finite("rate", rate_dps)?;
         fast_enough(rate_dps)?;
@@ -263,7 +266,7 @@ impl SimulatedTable {
         Ok(())
     }
 
-    /// Begins to stop whatever runs.
+    /// Begins to stop any motion.
     pub(crate) fn stop(&mut self, world: &mut World, now_s: f64) {
         if world.motion.is_still(now_s) {
             return;
@@ -277,7 +280,7 @@ impl SimulatedTable {
         self.slewing_until_s = 0.0;
     }
 
-    /// What really is.
+    /// The true state.
     #[must_use]
     pub(crate) fn truth(&self, world: &World, now_s: f64) -> TableTruth {
         let attitude = world.motion.attitude(now_s);
@@ -300,7 +303,8 @@ impl SimulatedTable {
         if world.motion.is_still(now_s) { Ok(()) } else { Err(TableRefusal::Moving) }
     }
 
-    /// `module` goes along the direction, and the axis after `nearest` at the heading; `about` is what turns are told by.
+    /// Begins the motion in which `module` goes along the direction, and the axis after `nearest` at the heading; later
+    /// turns are about the axis `about`.
     fn take_up(
         &mut self,
         world: &mut World,
@@ -340,7 +344,7 @@ impl SimulatedTable {
 
     /// The socket on the plate in this orientation: `M E`.
     fn seat(&mut self, along: Along, ideal: &Rotation3<f64>) -> Rotation3<f64> {
-        // The same orientation has the same error: its dice are seeded by what it is.
+        // The same orientation has the same error: its dice are seeded by the orientation.
         let key = ideal.matrix().iter().fold(0xcbf2_9ce4_8422_2325 ^ along as u64, |hash: u64, component| {
             (hash ^ ((component * 1e4).round() as i64).cast_unsigned()).wrapping_mul(0x0100_0000_01b3)
         });
@@ -354,7 +358,7 @@ impl SimulatedTable {
 
     fn turn(&mut self, world: &mut World, axis: Unit<Vector3<f64>>, profile: Profile, now_s: f64) {
         let base = world.motion.attitude(now_s);
-        // Kept within one turn, so that it stays exact however long the table spins.
+        // Kept within one turn, so that it stays exact for any length of spin.
         if std::mem::replace(&mut self.turning, true) {
             self.angle = (self.angle + world.motion.turn(now_s).angle).rem_euclid(std::f64::consts::TAU);
         }
@@ -391,8 +395,8 @@ fn rotate_clockwise(zero: Vector3<f64>, about: Vector3<f64>, angle_deg: f64) -> 
     zero * cos - about.cross(&zero) * sin
 }
 
-/// The attitude in which `module` points along `direction`, and the axis after `nearest` at `reference` as nearly as
-/// it can.
+/// The attitude in which `module` points along `direction`, and the axis after `nearest` points at `reference` as
+/// nearly as possible.
 fn point(
     module: Vector3<f64>,
     nearest: ModuleAxis,

@@ -1,8 +1,8 @@
 //! Faults of the line between station and board: what cables, adapters and drivers do to bytes on their way.
 //!
-//! One [`FaultyWire`] for each direction. It looks at bytes as a line does: a frame is what ends with a delimiter,
-//! and nothing in it is understood. Chance comes from seeded dice; what takes time takes link time, which is never
-//! scaled. A direction without faults hands bytes on untouched.
+//! There is one [`FaultyWire`] for each direction. It treats bytes as a line does: a frame ends with a delimiter, and
+//! its content is not interpreted. Chance comes from seeded dice. All times are link time, which is never scaled. A
+//! direction without faults hands bytes on unchanged.
 
 use std::time::Duration;
 
@@ -11,23 +11,23 @@ use gnc_protocol::serial::MAX_ON_WIRE;
 use crate::fault_queue::{FaultQueue, QueueRates, Sent, Toll};
 use crate::noise::Dice;
 
-/// Longest garbage: longer than the longest frame, so that receivers must throw some away.
+/// Longest garbage: longer than the longest frame, so that receivers must discard some.
 const GARBAGE: f64 = 700.0;
 
-/// How often a direction does what. Shares are per million of the thing named.
+/// Rates of the faults of a direction. Shares are per million of the thing named.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct WireRates {
     pub(crate) lost_bytes: f64,
-    /// Place of the byte that is lost in every frame that has so many; 0: none. No chance in it: so does a buffer that is
-    /// too short by one.
+    /// Place of the byte that is lost in every frame with at least so many bytes; 0: none. There is no chance in it: a
+    /// buffer that is too short by one does this.
     pub(crate) lost_byte_at: u32,
     pub(crate) flipped_bits: f64,
     pub(crate) lost_frames: f64,
-    /// The rest of the frame is lost, its delimiter too.
+    /// Frames whose rest is lost, including the delimiter.
     pub(crate) cut_frames: f64,
     /// A stall comes in the middle of a frame.
     pub(crate) queue: QueueRates,
-    /// Frames before which there is garbage.
+    /// Frames with garbage before them.
     pub(crate) babbled_frames: f64,
     /// Frames that also come back to their sender.
     pub(crate) echoed_frames: f64,
@@ -38,11 +38,11 @@ pub(crate) struct WireRates {
 pub(crate) struct WireFaults {
     pub(crate) to_host: WireRates,
     pub(crate) to_board: WireRates,
-    /// Every so many CAN frames towards the host one is lost; 0: none.
+    /// One of this many CAN frames towards the host is lost; 0: none.
     pub(crate) can_lose_every: u32,
 }
 
-/// A frame may stop anywhere.
+/// A frame may stop at any place.
 impl Sent for Vec<u8> {
     fn stopped(mut self, dice: &mut Dice) -> (Option<Self>, Self) {
         let rest = self.split_off(dice.below(self.len() as f64));
@@ -56,13 +56,13 @@ pub(crate) struct FaultyWire {
     rates: WireRates,
     clean: bool,
     queue: FaultQueue<Vec<u8>>,
-    /// A frame of which the end has not come yet.
+    /// A frame whose end has not come yet.
     begun: Vec<u8>,
     echo: Vec<u8>,
     harmed: bool,
-    /// Spoilt frames behind which no whole one has come yet.
+    /// Spoilt frames behind which no whole frame has come yet.
     trailing: u64,
-    /// The frame that comes next begins the numbers of its sender afresh.
+    /// Whether the next frame restarts the numbers of its sender.
     afresh: bool,
 }
 
@@ -80,7 +80,7 @@ impl FaultyWire {
         }
     }
 
-    /// The frame that is pushed next begins the numbers of its sender afresh.
+    /// Announces that the next frame restarts the numbers of its sender.
     pub(crate) fn begin_numbers(&mut self) {
         self.afresh = true;
     }
@@ -89,12 +89,12 @@ impl FaultyWire {
         self.queue.toll
     }
 
-    /// Whether it hands bytes on untouched and at once, so that they need not pass through it.
+    /// Whether it hands bytes on unchanged and at once, so that they need not pass through it.
     pub(crate) fn is_clean(&self) -> bool {
         self.clean && self.is_empty()
     }
 
-    /// Bytes go in, cut anywhere.
+    /// Takes bytes, split at any place.
     pub(crate) fn push(&mut self, bytes: &[u8], now: Duration) {
         if self.clean {
             self.queue.hand_on(bytes.to_vec(), now);
@@ -110,7 +110,7 @@ impl FaultyWire {
         }
     }
 
-    /// What has gone on by `now`.
+    /// The bytes that have passed by `now`.
     pub(crate) fn ready(&mut self, now: Duration) -> Vec<u8> {
         let mut bytes = Vec::new();
         while let Some(part) = self.queue.pop(now) {
@@ -119,7 +119,7 @@ impl FaultyWire {
         bytes
     }
 
-    /// When more goes on.
+    /// The time at which more bytes pass.
     pub(crate) fn next_due(&self) -> Option<Duration> {
         self.queue.next_due()
     }
@@ -133,17 +133,17 @@ impl FaultyWire {
         self.queue.iter().next().is_none()
     }
 
-    /// What comes back to the sender.
+    /// The bytes that come back to the sender.
     pub(crate) fn take_echo(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.echo)
     }
 
-    /// Whether something was lost or damaged since this was asked last.
+    /// Whether bytes were lost or damaged since the last call.
     pub(crate) fn take_harmed(&mut self) -> bool {
         std::mem::take(&mut self.harmed)
     }
 
-    /// A whole frame meets its fate.
+    /// Applies the faults to a whole frame.
     fn pass(&mut self, mut frame: Vec<u8>, now: Duration) {
         let rates = self.rates;
         let passed = self.queue.passes();
@@ -184,7 +184,7 @@ impl FaultyWire {
         }
     }
 
-    /// A frame that lost nothing but a delimiter is whole: the next one brings another.
+    /// Counts a frame. If only a delimiter is lost the frame is whole: the next one brings another delimiter.
     fn count(&mut self, sent: &[u8], left: &[u8]) {
         let afresh = std::mem::take(&mut self.afresh);
         self.queue.toll.frames += 1;
@@ -198,7 +198,7 @@ impl FaultyWire {
     }
 }
 
-/// Nothing but noise, zeros in it or not, or what has the looks of a frame.
+/// Garbage: noise with or without zeros, or bytes that look like a frame.
 fn garbage(dice: &mut Dice) -> Vec<u8> {
     let length = 1 + dice.below(GARBAGE);
     let lowest = dice.below(2.0) as f64;
@@ -209,7 +209,7 @@ fn garbage(dice: &mut Dice) -> Vec<u8> {
     garbage
 }
 
-/// What stands between a frame's delimiters.
+/// The bytes between a frame's delimiters.
 fn content(frame: &[u8]) -> &[u8] {
     let begin = frame.iter().position(|byte| *byte != 0).unwrap_or(frame.len());
     let end = frame.iter().rposition(|byte| *byte != 0).map_or(begin, |last| last + 1);
@@ -223,7 +223,8 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    /// What a hundred frames of three bytes become, all sent at once, and when the last has gone on.
+    /// The result of a hundred frames of three bytes that are sent at once, and the time at which the last one has
+    /// passed.
     fn through(rates: WireRates) -> (Vec<u8>, Duration) {
         let mut wire = FaultyWire::new(rates, Dice::new(7, RandomStream::Line));
         for number in 1..=100 {
@@ -307,7 +308,7 @@ mod tests {
         assert!(frames(&bytes).is_sorted() && end == SECOND * 2, "a hundred stalls, one after the other: {end:?}");
     }
 
-    /// Every frame counts once, and what a receiver can miss is what whole frames stand behind.
+    /// Every frame counts once, and a spoilt frame is missable only if a whole frame follows it.
     #[test]
     fn the_toll_is_what_was_done() {
         const AFRESH: u8 = 53;

@@ -1,4 +1,4 @@
-//! The world around the module: where it is, how it lies and turns, what pulls at it, what time it is.
+//! The world around the module: the site, the attitude and motion of the module, the forces on it, and the time.
 //!
 //! Frames: the local frame is north, west, up (right-handed). The module's axes X, Y, Z are right-handed. The
 //! attitude is the rotation that takes a vector's components from the local frame into the module's.
@@ -14,7 +14,7 @@ pub(crate) const EARTH_RATE_RPS: f64 = 7.292_115e-5;
 /// Standard gravity: the unit g, m/s^2 exactly.
 pub(crate) const STANDARD_GRAVITY: f64 = 9.806_65;
 
-/// Where the bench stands.
+/// The site of the bench.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrueSite {
     /// Geodetic latitude, north positive.
@@ -30,8 +30,8 @@ pub struct TrueSite {
 }
 
 impl Default for TrueSite {
-    /// The site that `bench.toml` beside this crate describes as surveyed. The field is that of a place at 34 deg
-    /// north in China: 0.535 gauss, 53 deg inclination, 3.5 deg west declination.
+    /// The site that `bench.toml` beside this crate gives as surveyed. The field is that of a place at 34 deg north in
+    /// China: 0.535 gauss, 53 deg inclination, 3.5 deg west declination.
     fn default() -> Self {
         Self {
             latitude_deg: 34.2321,
@@ -90,7 +90,7 @@ impl ModuleAxis {
     /// All three, in order.
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
-    /// 0, 1 or 2.
+    /// The index: 0, 1 or 2.
     #[must_use]
     pub fn index(self) -> usize {
         self as usize
@@ -102,7 +102,7 @@ impl ModuleAxis {
         Vector3::ith(self.index(), 1.0)
     }
 
-    /// The next one in X, Y, Z, X.
+    /// The next axis in the order X, Y, Z, X.
     #[must_use]
     pub fn next(self) -> Self {
         Self::ALL[(self.index() + 1) % 3]
@@ -129,8 +129,8 @@ impl Sign {
     }
 }
 
-/// Attitude of a module lying still: `up` with its sign points up, and the next axis (X for Z up, Y for X, Z for
-/// Y) points at `heading_deg`, clockwise from north.
+/// Attitude of a still module: `up` with its sign points up, and the next axis (X for Z up, Y for X, Z for Y) points at
+/// `heading_deg`, clockwise from north.
 #[must_use]
 pub fn attitude(up: ModuleAxis, sign: Sign, heading_deg: f64) -> Rotation3<f64> {
     let (sin, cos) = heading_deg.to_radians().sin_cos();
@@ -168,7 +168,7 @@ pub struct World {
     pub utc_start_s: f64,
     /// Field of the fixture itself, which turns with the module: in its axes, gauss.
     pub fixture_field_gauss: Vector3<f64>,
-    /// The ambient field comes and goes by this part of itself, as lifts and trams move.
+    /// The ambient field swings by this part of itself, as lifts and trams move.
     pub field_swing: f64,
     /// Temperature of the room, degC.
     pub ambient_c: f64,
@@ -186,7 +186,7 @@ pub struct World {
 }
 
 impl World {
-    /// A module lying still, Z up, X to the north, cold.
+    /// A cold, still module with Z up and X to the north.
     #[must_use]
     pub fn new(site: TrueSite, utc_start: Duration, ambient_c: f64) -> Self {
         Self {
@@ -225,7 +225,7 @@ impl World {
         self.lay();
     }
 
-    /// Turns the module steadily about one of its own axes, from its attitude now on.
+    /// Turns the module steadily about one of its own axes, starting at its present attitude.
     pub fn set_turn(&mut self, axis: ModuleAxis, rate_dps: f64, now_s: f64) {
         let none = Wobble { amplitude: 0.0, from: 0.0 };
         let profile = Profile::steady(now_s, rate_dps.to_radians());
@@ -243,14 +243,15 @@ impl World {
         self.motion.attitude(now_s)
     }
 
-    /// The module's supply was switched: its temperature follows.
+    /// Switches the module's supply: its temperature follows.
     pub(crate) fn set_powered(&mut self, powered: bool, now_s: f64) {
         self.temperature_c = self.temperature_c(now_s);
         self.temperature_at_s = now_s;
         self.powered_s = powered.then_some(now_s);
     }
 
-    /// Temperature of the module: a first-order lag towards the room, or the room and its own heat.
+    /// Temperature of the module: a first-order lag towards the room temperature, with the module's own heat if it has
+    /// power.
     #[must_use]
     pub(crate) fn temperature_c(&self, now_s: f64) -> f64 {
         let target = self.ambient_c + if self.powered_s.is_some() { self.rise_k } else { 0.0 };
@@ -264,8 +265,8 @@ impl World {
         self.utc_start_s + now_s
     }
 
-    /// The field around the module in the local frame, gauss. It changes in steps of a second, so that what acts on a module
-    /// that lies still is the same from sample to sample.
+    /// The field around the module in the local frame, gauss. It changes in steps of a second, so that a still module
+    /// has the same input from sample to sample.
     fn ambient_field_gauss(&self, now_s: f64) -> Vector3<f64> {
         const PERIOD_S: f64 = 1000.0;
         let swing = if self.field_swing == 0.0 {

@@ -1,4 +1,4 @@
-//! `--auto` as an operator or a script meets it: exit codes, and words that say what to do.
+//! Tests `--auto` as an operator or a script meets it: exit codes, and texts that say what to do.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use gnc_tests::{Place, bad_items, functional_plan};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
-/// A run that is refused: exit code 2, nothing on standard output, no record, and these words.
+/// Checks a refused run: exit code 2, nothing on standard output, no record, and these words.
 fn check_refused(args: &[&str], files: &[(&str, &str)], words: &[&str]) {
     let place = Place::new(STATION);
     for (name, text) in files {
@@ -66,7 +66,7 @@ fn a_wrong_bench_file_is_refused() {
     check_refused(&args, &files, &["[socket]", "gnc-station ports"]);
 }
 
-/// A plan that needs somebody is refused where nobody is, before any power.
+/// A plan that needs an operator is refused at a bench without one, before power is switched on.
 #[test]
 fn a_plan_with_prompts_is_refused_without_an_operator() {
     let plan = functional_plan();
@@ -75,7 +75,7 @@ fn a_plan_with_prompts_is_refused_without_an_operator() {
     check_refused(&["--auto", plan, "--serial-number", "A"], &files, &["ad", "operator", "on a terminal"]);
 }
 
-/// No port, no board, or something else behind the port: the run is errored, not failed, and says what to look at.
+/// No port, no board, or another device behind the port: the run is errored, not failed, and says what to look at.
 #[test]
 fn a_bench_without_a_board_is_errored() {
     for (port, words) in [
@@ -96,7 +96,7 @@ fn a_bench_without_a_board_is_errored() {
     }
 }
 
-/// What the bench lacks and the plan calls optional is skipped with its cause; a selection is no pass of the module.
+/// An optional item that the bench cannot run is skipped with its cause; a selection is not a pass of the module.
 #[test]
 fn optional_items_and_selections() {
     let place = Place::new(STATION);
@@ -111,7 +111,7 @@ fn optional_items_and_selections() {
     assert!(run.stdout.contains("SIMULATED BENCH"), "{}", run.stdout);
 }
 
-/// The rows that failed stand at the end again, with what to look at, and the place of the record.
+/// The failed rows stand at the end again, with what to look at, and the place of the record.
 #[test]
 fn failing_rows_are_repeated_with_what_to_look_at() {
     let place = Place::new(STATION);
@@ -124,7 +124,7 @@ fn failing_rows_are_repeated_with_what_to_look_at() {
     }
 }
 
-/// The same seed gives the same measurements, whatever the wall clock does.
+/// The same seed gives the same measurements, independent of the wall clock.
 #[test]
 fn a_seed_repeats_a_run() {
     let values = |seed: &str| {
@@ -139,8 +139,8 @@ fn a_seed_repeats_a_run() {
     assert_ne!(values("7"), values("8"));
 }
 
-/// Every item of the functional plan measures what the catalogue says, all of it and nothing else: a constant of another
-/// item would have no limit and pass.
+/// Every item of the functional plan measures exactly the measurements of the catalogue. A measurement constant of
+/// another item would have no limit and pass.
 #[test]
 fn items_measure_what_the_catalogue_says() {
     let place = Place::new(STATION);
@@ -158,7 +158,7 @@ fn items_measure_what_the_catalogue_says() {
     }
 }
 
-/// A plan that is edited, and then removed, between two rounds: all rounds run what was checked.
+/// A plan is edited, and later removed, between two rounds: all rounds run the plan that was checked.
 #[test]
 fn all_rounds_run_the_same_plan() {
     use std::io::{BufRead as _, BufReader};
@@ -169,7 +169,7 @@ fn all_rounds_run_the_same_plan() {
         ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "T-1", "--loops", "20", "--events"];
     let mut station = place.station(args).stdout(std::process::Stdio::piped()).spawn().expect("the station");
     let lines = BufReader::new(station.stdout.take().expect("its output")).lines().map_while(Result::ok);
-    // The station may be some rounds ahead of what is read here, and not all twenty.
+    // The station may be some rounds ahead of this reader, but not all twenty.
     for (round, _) in lines.filter(|line| line.contains("\"kind\":\"run_started\"")).enumerate() {
         match round {
             0 => std::fs::write(&path, plan.replace("<= 0", "<= 1000000")).expect("a plan"),

@@ -1,9 +1,9 @@
-//! The simulated board as a program of its own.
+//! The simulated board as a separate program.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-/// A board that runs; ended when it is dropped.
+/// A running board; dropping it ends the program.
 #[derive(Debug)]
 pub struct Board {
     child: Child,
@@ -17,7 +17,7 @@ impl Board {
     /// Starts the program with these arguments, and waits until it tells its port.
     ///
     /// # Panics
-    /// It does not start.
+    /// The program does not start.
     #[must_use]
     pub fn start(program: &str, args: &[&str]) -> Self {
         let mut command = Command::new(program);
@@ -31,19 +31,19 @@ impl Board {
         Self { child, stdin, stdout, port }
     }
 
-    /// Types a command and waits until it is done.
+    /// Sends a command and waits until it is done.
     ///
     /// # Panics
-    /// It is refused.
+    /// The command is refused.
     pub fn command(&mut self, command: &str) {
         writeln!(self.stdin, "{command}").expect("alive");
         assert_eq!(self.line(), "ok", "{command}");
     }
 
-    /// A figure of what really is.
+    /// A figure of the true state.
     ///
     /// # Panics
-    /// There is none of this name.
+    /// There is no figure of this name.
     pub fn truth(&mut self, name: &str) -> String {
         self.command("truth");
         let mut found = None;
@@ -66,10 +66,10 @@ impl Board {
         format!("[station]\nid = \"{station}\"\n[socket]\nport = \"{}\"\n", self.port)
     }
 
-    /// Ends it at once, as when an adapter is pulled.
+    /// Ends the program at once, like an adapter that is pulled out.
     ///
     /// # Panics
-    /// It had ended before.
+    /// The program had ended before.
     pub fn kill(&mut self) {
         self.child.kill().expect("alive");
         self.child.wait().expect("its end");

@@ -1,4 +1,4 @@
-//! Items that capture: raw samples on disk, whatever happens, and every figure from them alone.
+//! Items that capture: raw samples are on disk in all cases, and every figure comes from them alone.
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
@@ -15,7 +15,7 @@ use serde_json::Value;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
-/// Positions and turns, as short as they may be.
+/// A plan with positions and turns, as short as possible.
 const SHORT: &str = include_str!("raw/short.toml");
 
 fn run(place: &Place, more: &[&str]) -> Run {
@@ -45,7 +45,7 @@ fn every_capture_is_on_disk_and_vouched_for() {
     assert_eq!(labels, ["x+", "x-", "y+", "y-", "z+", "z-"]);
     for capture in &still.captures {
         assert_eq!((capture.samples.len(), capture.losses.any()), (2000, false), "{}", capture.about.label);
-        // The axis that points up feels one g: 160,000 counts at the nominal scale, which the part keeps to 5 %.
+        // The axis that points up measures one g: 160,000 counts at the nominal scale, which the part keeps to 5 %.
         let Pose::Still { up, .. } = capture.about.pose else { unreachable!("{:?}", capture.about) };
         let means = [0, 1, 2].map(|axis| {
             capture.samples.iter().map(|sample| f64::from(sample.accel[axis])).sum::<f64>() / 2000.0 / 160_000.0
@@ -61,11 +61,11 @@ fn every_capture_is_on_disk_and_vouched_for() {
             unreachable!("{:?}", capture.about)
         };
         assert_eq!(along, Along::Up);
-        // 1 s of rest, 5 s of turn, 2 s of rest at 1 kHz; what the word of its end takes comes on top.
+        // 1 s of rest, 5 s of turn, 2 s of rest at 1 kHz. More samples come until the end of the turn is reported.
         assert!(capture.samples.len() >= 8000, "{}: {} samples", capture.about.label, capture.samples.len());
         let sum = capture.samples.iter().map(|sample| f64::from(sample.gyro[usize::from(axis)])).sum::<f64>();
         let turned_deg = sum / 1000.0 / 20_000.0;
-        // Bias of a degree a second, scale of 5 %.
+        // Bias of one degree a second, scale error of 5 %.
         let most = 0.05 * 1080.0 + capture.samples.len() as f64 / 1000.0;
         assert!((turned_deg - angle_deg).abs() < most, "{}: {turned_deg} deg", capture.about.label);
     }
@@ -73,7 +73,7 @@ fn every_capture_is_on_disk_and_vouched_for() {
     assert_eq!(verified.code, Some(0), "{}{}", verified.stdout, verified.stderr);
 }
 
-/// One bit of one sample, and both the digests and the recomputation notice.
+/// One bit of one sample is changed: both the digests and the recomputation notice it.
 #[test]
 fn one_changed_sample_is_noticed() {
     let place = Place::new(STATION);
@@ -93,7 +93,7 @@ fn one_changed_sample_is_noticed() {
     assert!(said.contains("attempt-1.mcap"), "{said}");
 }
 
-/// What a kill leaves is read up to the last second, by us and by anybody.
+/// A file after a kill is readable up to the last second, by the station and by other programs.
 #[test]
 fn what_was_captured_survives_a_kill() {
     let place = Place::new(STATION);
@@ -102,7 +102,7 @@ fn what_was_captured_survives_a_kill() {
     let mut station = place.station(args).stdout(Stdio::piped()).spawn().expect("the station");
     let lines = BufReader::new(station.stdout.take().expect("its output")).lines();
     let samples = |record: &RawRecord| record.unfinished.as_ref().map_or(0, |unfinished| unfinished.samples);
-    // It tells every two seconds how far it is; some of those later a second of samples is on disk.
+    // The station reports its progress every two seconds; some reports later a second of samples is on disk.
     let told = lines
         .map_while(Result::ok)
         .any(|line| line.contains("at work") && samples(&read(&mcap(&place, "01-six-position"))) > 0);
@@ -116,7 +116,7 @@ fn what_was_captured_survives_a_kill() {
     assert!(verified.stdout.contains("interrupted"), "{}", verified.stdout);
 }
 
-/// A line that loses a frame now and then: no figure, and the place of the loss.
+/// A line that loses a frame now and then gives no figure, but the place of the loss.
 #[test]
 fn a_gap_is_never_a_figure() {
     let place = Place::new(STATION);
@@ -135,7 +135,7 @@ fn a_gap_is_never_a_figure() {
     assert!(last.losses.on_line > 0 && last.losses.on_board == 0, "{:?}", last.losses);
 }
 
-/// The same plan gives the same bits; another one judges the same figures by its own limits, beside the run.
+/// The same plan gives the same bits. Another plan judges the same figures by its own limits, beside the run.
 #[test]
 fn a_run_comes_out_again_as_it_was() {
     let place = Place::new(STATION);
@@ -173,7 +173,7 @@ fn a_run_comes_out_again_as_it_was() {
     );
 }
 
-/// The mathematics from the raw file itself, and from its export: the same calibration.
+/// `compute` on the raw file itself and on its export gives the same calibration.
 #[test]
 fn raw_captures_can_be_computed_with() {
     let place = Place::new(STATION);
@@ -195,7 +195,8 @@ fn raw_captures_can_be_computed_with() {
     let columns = text.replacen("accel_x,accel_y,accel_z", "x,y,z", 1);
     place.write("p.csv", &columns);
     let from_text = place.run(["compute", "six-position", "p.csv", "--gravity", "9.80151", "--json"]);
-    // What is said of the clock differs: a file of rows has a column of times, a raw file the board's time of each frame.
+    // The texts about the clock differ: a file of rows has a column of times, a raw file has the board's time of each
+    // frame.
     let without_clock = |text: &str| {
         let mut found: Value = serde_json::from_str(text).expect("JSON");
         found.as_object_mut().map(|found| found.remove("clock").expect("a clock"));
@@ -209,7 +210,7 @@ fn raw_captures_can_be_computed_with() {
     assert!(unclear.stderr.contains("it holds 6 captures; put one behind its name: #x+ #x-"), "{}", unclear.stderr);
 }
 
-/// Equal but for the last digits of its numbers.
+/// Equal except for the last digits of the numbers.
 #[track_caller]
 fn same(found: &Value, expected: &Value, at: &str) {
     match (found, expected) {
@@ -230,8 +231,8 @@ fn same(found: &Value, expected: &Value, at: &str) {
     }
 }
 
-/// Every method that takes captures: from the raw file, from its export as text and as Parquet, and nowhere need the user
-/// say the rate.
+/// Every method that takes captures: from the raw file, and from its export as text and as Parquet. The user need not
+/// give the rate.
 #[test]
 fn an_export_computes_as_its_raw_file() {
     let place = Place::new(STATION);
@@ -251,8 +252,8 @@ fn an_export_computes_as_its_raw_file() {
         let computed = place.run(["compute", method, file, "--json"].into_iter().chain(options.iter().copied()));
         assert_eq!(computed.code, Some(0), "{words:?} {file}: {}{}", computed.stdout, computed.stderr);
         let mut found: Value = serde_json::from_str(&computed.stdout).expect("JSON");
-        // A raw file has the board's time of each frame, a table a column of it, at which an ellipse does not look; and a
-        // table's columns have longer names.
+        // A raw file has the board's time of each frame. A table has a column of times, which the ellipse does not use,
+        // and its columns have longer names.
         let clock = found.as_object_mut().and_then(|found| {
             found.remove("understood");
             found.remove("clock")
@@ -279,7 +280,7 @@ fn an_export_computes_as_its_raw_file() {
     }
 }
 
-/// A run that was killed goes on: what was whole is taken over bit for bit, the rest is captured.
+/// A killed run is taken up again: complete captures are taken over bit for bit, the rest is captured.
 #[test]
 fn a_run_that_broke_off_goes_on() {
     let place = Place::new(STATION);
@@ -289,7 +290,8 @@ fn a_run_that_broke_off_goes_on() {
     let slow = args.into_iter().chain(["--sim-speed", "40"]);
     let mut station = place.station(slow).stdout(Stdio::piped()).spawn().expect("the station");
     let lines = BufReader::new(station.stdout.take().expect("its output")).lines();
-    // It tells every two seconds how far it is: three positions of 60 s take a little longer at 40 times the speed.
+    // The station reports its progress every two seconds: three positions of 60 s take a little longer at 40 times the
+    // speed.
     let whole = || read(&mcap(&place, "01-six-position")).captures.len();
     assert!(lines.map_while(Result::ok).any(|line| line.contains("at work") && whole() >= 2), "nothing was captured");
     station.kill().expect("alive");
@@ -299,7 +301,7 @@ fn a_run_that_broke_off_goes_on() {
     assert!((2..6).contains(&before.len()), "{} captures", before.len());
 
     let refused = |plan: &str, serial_number: &str| {
-        // Under its own name: the name of the file belongs to the digest.
+        // The file keeps its name, since the name belongs to the digest.
         place.write("p.toml", plan);
         let resume = broken.to_str().expect("UTF-8");
         place.run(["--auto", "p.toml", "--sim", "--serial-number", serial_number, "--resume", resume])
@@ -328,8 +330,8 @@ fn a_run_that_broke_off_goes_on() {
     assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
 }
 
-/// A run that ended with a verdict on the module did not break off: its samples make no new verdict, nor do those of a run of
-/// some items a verdict of the whole plan. Without its digests nothing shows what an ended run was.
+/// A run that ended with a verdict on the module was not interrupted: its samples give no new verdict. The samples of a
+/// run of some items give no verdict of the whole plan. Without digests an ended run cannot be checked.
 #[test]
 fn only_a_run_that_broke_off_is_taken_up() {
     let place = Place::new(STATION);
@@ -348,7 +350,7 @@ fn only_a_run_that_broke_off_is_taken_up() {
     let whole = "had the items six-position, this one has of the whole plan";
     refused(place.run(sim.into_iter().chain(resume)), whole);
 
-    // The same as if it had been stopped, and then without what vouches for it.
+    // The same as if the run had been stopped, and then without the digests.
     let journal = run.join("events.jsonl");
     let text = fs::read_to_string(&journal).expect("a journal");
     let last = text.lines().last().expect("an end");

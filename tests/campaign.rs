@@ -1,5 +1,5 @@
-//! A campaign: many runs of the functional plan, each with a module, a line and disturbances drawn from one seed, and
-//! each held to what the module's file expects.
+//! A campaign: many runs of the functional plan. Each has a module, a line and disturbances drawn from one seed, and is
+//! checked against the expectation in the module's file.
 //!
 //! Station and simulated bench run in this program; [`Over`] says where they meet.
 
@@ -19,41 +19,41 @@ pub use judge::violations;
 pub use run::{Kept, LONGEST, Over, Ran, differs, run};
 pub use table::table;
 
-/// Runs at once where nobody says otherwise: those on a bad line wait more than they work.
+/// Default number of concurrent runs: runs on a bad line wait more than they work.
 pub const AT_ONCE: usize = 12;
 
-/// What a campaign is made of.
+/// The settings of a campaign.
 #[derive(Debug, Clone)]
 pub struct Campaign {
-    /// Of all chance.
+    /// Seed of all random numbers.
     pub seed: u64,
     /// Numbers of the runs.
     pub runs: std::ops::Range<u64>,
     /// Where station and bench meet.
     pub over: Over,
-    /// Each is made twice and must be the same run, as it is in memory.
+    /// Whether each run is made twice and must be the same run. In memory it is.
     pub twice: bool,
-    /// Runs at once.
+    /// Number of concurrent runs.
     pub at_once: usize,
-    /// Where records are kept, and which; none if not given.
+    /// The folder in which records are kept, and which records; `None` keeps no records.
     pub keep: Option<(PathBuf, Kept)>,
 }
 
-/// One run with what is wrong about it.
+/// A run with its violations.
 #[derive(Debug)]
 pub struct Judged {
-    /// What was to be run.
+    /// The case that was run.
     pub case: Case,
-    /// What came of it.
+    /// The result of the run.
     pub ran: Ran,
-    /// Each in a sentence; empty if all is as it should be.
+    /// The violations, a sentence each; empty if there are none.
     pub violations: Vec<String>,
 }
 
-/// Runs all of them; `told` hears of each as it ends, with the number of those that ended.
+/// Carries out all runs; `told` receives each run as it ends, with the number of ended runs.
 ///
 /// # Panics
-/// A thread of this program came to grief.
+/// A thread of this program panicked.
 pub fn carry_out(campaign: &Campaign, told: &(dyn Fn(usize, &Judged) + Sync)) -> Vec<Judged> {
     let (left, all) = (Mutex::new(campaign.runs.clone()), Mutex::new(Vec::new()));
     let lock = |error: std::sync::PoisonError<_>| error.into_inner();

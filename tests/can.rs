@@ -9,7 +9,7 @@ use gnc_tests::{Place, bad_items, boards};
 use serde_json::Value;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
-/// Runs at once.
+/// Number of concurrent runs.
 const AT_ONCE: usize = 4;
 
 fn item<'a>(record: &'a Value, id: &str) -> &'a Value {
@@ -34,7 +34,7 @@ fn good_over_can(speed: &str) {
     assert_eq!(items.iter().filter(|item| item["outcome"] == "passed").count(), 13, "{record}");
     let can = item(&record, "can");
     assert_eq!(measured(can, "frames_sent")["value"], 216.0);
-    // What slcan cannot tell is not assumed.
+    // The station assumes nothing that slcan cannot tell.
     assert_eq!(measured(can, "adapter_errors")["value"], Value::Null);
     assert!(measured(can, "adapter_errors")["raw"].as_str().is_some_and(|raw| raw.contains("slcan")));
 }
@@ -49,13 +49,13 @@ fn a_good_module_passes_over_can_alone_at_true_speed() {
     good_over_can("1");
 }
 
-/// Whatever is wrong with a module shows over CAN as it does over RS-422, but for RS-422 itself.
+/// Every fault of a module shows over CAN as it does over RS-422, except faults of RS-422 itself.
 fn check(board: &Path) -> Result<(), String> {
     let name = board.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = std::fs::read_to_string(board).map_err(|error| error.to_string())?;
     let personality = hw_mocks::Personality::from_toml(&name, &text).map_err(|error| error.to_string())?;
     let expected = personality.expect.get("functional").ok_or(format!("{name} expects nothing of the plan"))?;
-    // A fault of the RS-422 line, or of the module's own, does not show here.
+    // A fault of the RS-422 line or of the module's own SCI does not show here.
     let elsewhere = expected.items == ["sci"] || text.contains("[wire.");
     let outcome = if elsewhere { "passed" } else { expected.outcome.as_str() };
     let mut items: Vec<String> = expected.items.iter().filter(|item| !elsewhere && *item != "sci").cloned().collect();
@@ -66,7 +66,7 @@ fn check(board: &Path) -> Result<(), String> {
     let record = place.record();
     let mut bad = bad_items(&record);
     bad.sort();
-    // Lost frames may hit any item, and may be made good by sending again; they never pass for the module's fault.
+    // Lost frames may hit any item and may be repaired by sending again; they never count as the module's fault.
     let good = if name == "can-loses-frames" {
         matches!(record["outcome"].as_str(), Some("errored" | "passed"))
     } else {
@@ -98,8 +98,8 @@ fn every_board_ends_as_expected_over_can() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }
 
-/// A bench file that reaches its board by CAN: what is missing is said before anything is switched on, what cannot be
-/// opened ends the run as errored.
+/// A bench file with its board on CAN: a missing interface is reported before power is switched on. A bus that cannot
+/// be opened makes the run errored.
 #[test]
 fn bench_files_with_can() {
     let plan = gnc_tests::functional_plan();
@@ -120,7 +120,7 @@ fn bench_files_with_can() {
         place.write("bench.toml", &text);
         let run = place.run(args);
         assert_eq!(run.code, Some(3), "{port}: {}{}", run.stdout, run.stderr);
-        // With CAN in the kernel the interface is missing, without it CAN is.
+        // If the kernel supports CAN the interface is missing, otherwise CAN itself.
         let said = |word: &str| run.stdout.contains(word) || run.stdout.contains("ip -br link");
         assert!(words.iter().all(|word| said(word)), "{port}: {}", run.stdout);
         assert_eq!(place.record()["outcome"], "errored", "{port}");

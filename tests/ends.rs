@@ -1,4 +1,4 @@
-//! Ends that nobody asked for: what the next start makes of them, and that the board is safe without the station.
+//! Unplanned ends: what the next start does about them, and whether the board is safe without the station.
 
 #![expect(clippy::expect_used, clippy::print_stdout, reason = "what cannot be set up fails the test that needs it")]
 
@@ -18,10 +18,10 @@ use nix::unistd::Pid;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
-/// Looks at the board until it is safe; each takes it some milliseconds.
+/// Most looks at the board until it is safe; each takes the board some milliseconds.
 const LOOKS: usize = 100_000;
 
-/// A run, and the lines of its events.
+/// A running station, and the lines of its events.
 struct Running {
     child: Child,
     events: BufReader<ChildStdout>,
@@ -52,7 +52,7 @@ impl Running {
         kill(Pid::from_raw(i32::try_from(self.child.id()).expect("a process id")), signal).expect("alive");
     }
 
-    /// Exit code and complaints.
+    /// Exit code and error output.
     fn end(mut self) -> (Option<i32>, String) {
         let mut rest = String::new();
         while self.events.read_line(&mut rest).expect("a line") > 0 {}
@@ -65,7 +65,7 @@ fn board() -> Board {
     Board::start(MOCK, &["--serial-number", "SIM-0001"])
 }
 
-/// Until its watchdog has made the module safe.
+/// Waits until the board's watchdog has made the module safe.
 fn until_safe(board: &mut Board) {
     let began = Instant::now();
     assert!((0..LOOKS).any(|_| board.truth("powered") == "false"), "the module still has power");
@@ -78,13 +78,13 @@ fn with_board(board: &Board) -> Place {
     place
 }
 
-/// Until a file in a folder of a run's is longer than that; the run's folder is there, the file's need not be.
+/// Waits until a file in a run's folder is longer than this. The folder must exist; the file may come later.
 fn until_longer(file: &Path, bytes: u64) {
     let folder = file.parent().expect("a folder");
     let inotify = Inotify::init(InitFlags::IN_CLOEXEC).expect("inotify");
     let watch = |folder: &Path| inotify.add_watch(folder, AddWatchFlags::IN_CREATE | AddWatchFlags::IN_MODIFY).is_ok();
     assert!(folder.parent().is_some_and(watch), "a watch");
-    // Before each look, so that nothing is missed between a look and the wait.
+    // Watch before each look, so that no change is missed between a look and the wait.
     while {
         watch(folder);
         !fs::metadata(file).is_ok_and(|meta| meta.len() > bytes)
@@ -100,8 +100,8 @@ fn log(run: &Path) -> String {
     fs::read_to_string(run.join("log.txt")).expect("log.txt")
 }
 
-/// The program dies: the board is safe by its own watchdog, and the next start says what was interrupted and seals it,
-/// so that it can be verified like any other and is no pass.
+/// The program dies: the board is made safe by its own watchdog. The next start names the interrupted run and seals it,
+/// so that it can be verified like any other run and is not a pass.
 #[test]
 fn a_killed_run_is_sealed_by_the_next_start() {
     let mut board = board();
@@ -132,13 +132,13 @@ fn a_killed_run_is_sealed_by_the_next_start() {
     assert!(list.starts_with("interrupted"), "{list}");
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 
-    // It is said once.
+    // The message comes only once.
     assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
     assert!(!log(&place.runs()[2]).contains("was interrupted"));
 }
 
-/// Killed, and the next start killed between digests and chain: the one after it puts the run into the chain. A run that
-/// ended is left out of it, since anybody may have put its folder there.
+/// A run is killed, and the next start is killed between digests and chain: the start after that puts the run into the
+/// chain. A run that ended is left out of the chain, since its folder may come from elsewhere.
 #[test]
 fn a_sealed_run_that_missed_the_chain_is_put_into_it() {
     let place = Place::new(STATION);
@@ -171,8 +171,8 @@ fn a_sealed_run_that_missed_the_chain_is_put_into_it() {
     assert!(problems.len() == 1 && problems[0].contains("was not closed by a station"), "{problems:?}");
 }
 
-/// Killed in a capture: the next start writes the end that the raw file lacks, says so in the record, and what was
-/// captured before is as it was.
+/// A run is killed in a capture: the next start writes the missing end of the raw file and says so in the record. The
+/// samples captured before are unchanged.
 #[test]
 fn a_raw_file_that_a_kill_cut_off_gets_its_end() {
     let place = Place::new(STATION);
@@ -182,7 +182,7 @@ fn a_raw_file_that_a_kill_cut_off_gets_its_end() {
     let killed = place.runs().pop().expect("a run");
     let [whole, cut] = ["01-six-position", "02-rotation"].map(|item| killed.join(item).join("attempt-1.mcap"));
     let before = fs::read(&whole).expect("positions");
-    // What was captured is on disk once a second.
+    // Captured samples are flushed to disk once a second.
     until_longer(&cut, 20_000);
     running.signal(Signal::SIGKILL);
     assert_eq!(running.end().0, None);
@@ -216,7 +216,7 @@ fn a_raw_file_that_a_kill_cut_off_gets_its_end() {
     assert!(run.code == Some(0) && run.stdout.contains("the same, bit for bit"), "{}{}", run.stdout, run.stderr);
 }
 
-/// A second station on the same folder leaves a run alone that goes on.
+/// A second station on the same folder leaves a running run alone.
 #[test]
 fn a_run_that_goes_on_is_not_sealed() {
     let place = Place::new(STATION);
@@ -233,7 +233,7 @@ fn a_run_that_goes_on_is_not_sealed() {
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
 
-/// A journal that ends well in a folder that was never closed may be anybody's: it does not become a pass later.
+/// A complete journal in a folder that was never closed may come from elsewhere: it does not become a pass later.
 #[test]
 fn a_run_that_ended_and_was_not_closed_stays_unsealed() {
     let place = Place::new(STATION);
@@ -246,7 +246,7 @@ fn a_run_that_ended_and_was_not_closed_stays_unsealed() {
 }
 
 /// The computer stands still for longer than the board waits, as in a suspend: the module is made safe, the item in
-/// flight is errored and done again, and the run goes on.
+/// flight is errored and repeated, and the run goes on.
 #[test]
 fn a_computer_that_stood_still_charges_nobody() {
     let mut board = board();
@@ -263,7 +263,7 @@ fn a_computer_that_stood_still_charges_nobody() {
     assert_eq!(outcomes, ["errored", "passed"], "{}", log(&place.runs()[0]));
 }
 
-/// Somebody removes the records in mid-run: the run is errored and says why, and the module is off.
+/// The records are removed during the run: the run is errored and says why, and the module is off.
 #[test]
 fn records_that_are_removed_end_the_run_as_errored() {
     let mut board = board();
@@ -279,8 +279,8 @@ fn records_that_are_removed_end_the_run_as_errored() {
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
 
-/// A bench that names a key signs what it closes: whoever has the public half finds what was written since, also where
-/// all digests were made again.
+/// A bench with a key signs the runs that it closes. With the public half any later change is found, even if all
+/// digests were made again.
 #[test]
 fn a_run_is_signed_where_the_bench_names_a_key() {
     let board = board();
@@ -304,7 +304,7 @@ fn a_run_is_signed_where_the_bench_names_a_key() {
     fs::remove_file(run.join("SHA256SUMS.sig")).expect("a signature");
     assert!(verify().stdout.contains("the run is not signed"), "{}", verify().stdout);
 
-    // A key that others may read is refused before anything is switched on.
+    // A key file that others can read is refused before power is switched on.
     let open = std::os::unix::fs::PermissionsExt::from_mode(0o644);
     fs::set_permissions(place.path().join("station.key"), open).expect("rights");
     let (code, complaint) = Running::start(&place, &["--only", "identity"]).end();

@@ -1,5 +1,6 @@
-//! The sixty figures of stability and repeatability: five modules of the published table, six axes, against what the true
-//! noise of the simulated module gives, by a parametric bootstrap. Samples come from the sensors alone, without frames.
+//! The sixty figures of stability and repeatability: five modules of the published table, six axes. Each is compared
+//! with a parametric bootstrap of the simulated module's true noise. Samples come from the sensors alone, without
+//! frames.
 
 use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 use gnc_analysis::figures::{AnalysisInput, Findings, analyse};
@@ -16,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A sample stands for the mean over its interval, so a slow stream tells as much of ten seconds as a fast one.
+/// A sample stands for the mean over its interval, so a slow stream shows ten seconds as well as a fast one.
 const RATE_HZ: u16 = 10;
 const SEED: u64 = 2_022;
 const GRAVITY: f64 = 9.7954;
@@ -43,7 +44,7 @@ phase = "setup"
 params = { rate = "10 Hz", dwell = "600 s" }
 "#;
 
-/// A calibration of scale factors alone: neither figure sees a constant.
+/// A calibration with scale factors only: a constant does not affect either figure.
 fn calibrated() -> Vec<(String, Findings)> {
     let rows = |value: f64| serde_json::json!([[value, 0.0, 0.0], [0.0, value, 0.0], [0.0, 0.0, value]]);
     let rps = 20_000.0 * 180.0 / std::f64::consts::PI;
@@ -55,7 +56,7 @@ fn calibrated() -> Vec<(String, Findings)> {
     vec![("calibration".to_owned(), Findings { measured: Vec::new(), details })]
 }
 
-/// One module, at rest with Z up; its own response is perfect here, so that the noise is that of the model.
+/// A module at rest with Z up. Its response is perfect here, so that the noise is that of the model.
 struct Module {
     models: SensorModels,
     sensors: Sensors,
@@ -114,11 +115,11 @@ impl Dice {
     }
 }
 
-/// Means of a Gauss-Markov bias over neighbouring blocks, exactly: mean and end of a block are jointly normal given its
+/// Exact means of a Gauss-Markov bias over neighbouring blocks: mean and end of a block are jointly normal given its
 /// start.
 struct Blocks {
     decay: f64,
-    /// Mean for a start of 1, deviation of the end, mean per deviation of the end, deviation of the mean beside it.
+    /// Mean for a start of 1, deviation of the end, mean per deviation of the end, residual deviation of the mean.
     pull: f64,
     end: f64,
     shared: f64,
@@ -152,8 +153,8 @@ fn deviation(values: &[f64]) -> f64 {
     (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt()
 }
 
-/// The 99.9 % interval of a figure: by the mean and spread of its logarithm, which is close to normal, and by its
-/// quantiles where replicates are cheap.
+/// The 99.9 % interval of a figure. It follows from mean and spread of the logarithm, which is close to normal. With
+/// many replicates, where they are cheap, it follows from their quantiles.
 fn interval(mut figures: Vec<f64>) -> (f64, f64) {
     figures.sort_by(f64::total_cmp);
     let n = figures.len();
@@ -166,14 +167,14 @@ fn interval(mut figures: Vec<f64>) -> (f64, f64) {
     ((mean - spread).exp(), (mean + spread).exp())
 }
 
-/// The processes that wander, by their deviation: the slow noise, and those of the flicker noise.
+/// The wandering processes, with their deviation: the slow noise, and those of the flicker noise.
 fn wandering(noise: &AxisNoise, span_s: f64) -> Vec<(f64, Blocks)> {
     let flicker = FLICKER_S.map(|correlation_s| (noise.flicker, correlation_s));
     let all = [(noise.slow, noise.correlation_s)].into_iter().chain(flicker);
     all.map(|(deviation, correlation_s)| (deviation, Blocks::new(span_s, correlation_s))).collect()
 }
 
-/// What the true noise gives for the standard deviation of the means of an hour.
+/// The standard deviation of the means of an hour under the true noise.
 fn stability_of(noise: &AxisNoise, dice: &mut Dice) -> (f64, f64) {
     let processes = wandering(noise, 10.0);
     let white = noise.white / 10.0_f64.sqrt();
@@ -192,8 +193,8 @@ fn stability_of(noise: &AxisNoise, dice: &mut Dice) -> (f64, f64) {
     interval((0..300).map(|_| replicate(dice)).collect())
 }
 
-/// What it gives for the standard deviation of six means of ten minutes, one every twenty: the slow processes go on while
-/// the power is off.
+/// The standard deviation of six means of ten minutes, one every twenty, under the true noise. The slow processes go on
+/// while the power is off.
 fn repeatability_of(noise: &AxisNoise, dice: &mut Dice) -> (f64, f64) {
     let processes = wandering(noise, 600.0);
     let replicate = |dice: &mut Dice| {
@@ -203,7 +204,7 @@ fn repeatability_of(noise: &AxisNoise, dice: &mut Dice) -> (f64, f64) {
                 let mut wander = 0.0;
                 for ((deviation, blocks), value) in processes.iter().zip(&mut values) {
                     wander += deviation * blocks.next(value, dice);
-                    // The gap is as long as the run.
+                    // The gap is as long as a run.
                     *value = blocks.decay * *value + blocks.end * dice.normal();
                 }
                 noise.turn_on * dice.normal() + wander + noise.white / 600.0_f64.sqrt() * dice.normal()
@@ -263,7 +264,7 @@ fn sixty_figures_are_those_of_the_true_noise() {
     assert!(wrong.is_empty(), "seed {SEED}\n{}", wrong.join("\n"));
 }
 
-/// The published table is what the models are set from: the middle of each interval is near it.
+/// The models are set from the published table: the middle of each interval is near its figure.
 #[test]
 fn the_published_table_is_in_the_middle() {
     let mut dice = Dice(ChaCha8Rng::seed_from_u64(SEED));

@@ -1,6 +1,6 @@
-//! Whatever comes in broken or in bad faith: a clear word that says what to do, nothing lost, no panic.
+//! Broken or malicious input gives a clear text that says what to do, without losses and without a panic.
 //!
-//! The texts are kept as snapshots, so that somebody reads them when they change.
+//! The texts are kept as snapshots, so that a person reads them when they change.
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
@@ -13,7 +13,7 @@ use insta::assert_snapshot;
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
 
-/// What the station says to a command line that it refuses.
+/// The station's message about a command line that it refuses.
 fn refusal(args: &[&str], files: &[(&str, Vec<u8>)]) -> String {
     let place = Place::new(STATION);
     for (name, bytes) in files {
@@ -40,7 +40,8 @@ fn serial_numbers_from_a_scanner() {
     assert_snapshot!("serial-newline", scan("SN-1\nSN-2"));
 }
 
-/// What could be a path is none: the record lies below the records folder, and holds the number as scanned.
+/// A serial number that looks like a path is not used as one: the record lies below the records folder, and holds the
+/// number as scanned.
 #[test]
 fn a_serial_number_is_never_a_path() {
     for serial_number in ["../../x", "/etc/passwd", "..", ".hidden", "a/b\\c", "имя 名", "-rf"] {
@@ -99,7 +100,7 @@ fn bench_files_that_are_none() {
     );
 }
 
-/// Text from the board may hold terminal escapes; none of them reaches a terminal or the log for people.
+/// Text from the board may hold terminal escapes; they never reach a terminal or the log for people.
 #[test]
 fn a_board_cannot_move_the_cursor() {
     let place = Place::new(STATION);
@@ -114,7 +115,7 @@ fn a_board_cannot_move_the_cursor() {
     assert!(log.contains("2J"), "it is shown all the same: {log}");
 }
 
-/// A second station on the same port is refused by name, and the first one is not disturbed.
+/// A second station on the same port is refused by name, and the first one goes on.
 #[test]
 fn two_stations_do_not_share_a_port() {
     let board = Board::start(MOCK, &["--serial-number", "SIM-0001"]);
@@ -138,7 +139,7 @@ fn two_stations_do_not_share_a_port() {
     assert_eq!(first.wait().expect("its end").code(), Some(0));
 }
 
-/// Something that babbles behind the port is no board: errored, within bounds, and said so.
+/// A device that sends garbage behind the port is not a board: the run is errored within bounds, and says so.
 #[test]
 fn babble_behind_the_port_is_no_board() {
     let pty = nix::pty::openpty(None, None).expect("a pseudo-terminal");

@@ -1,4 +1,4 @@
-//! Runs the station as its users do and reads what it leaves behind.
+//! Runs the station as its users do and reads the files that it leaves.
 
 #![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
 
@@ -41,7 +41,7 @@ pub fn boards() -> Vec<PathBuf> {
     boards
 }
 
-/// A folder of its own in which the station works.
+/// A new folder in which the station works.
 #[derive(Debug)]
 pub struct Place {
     folder: TempDir,
@@ -52,29 +52,29 @@ impl Place {
     /// An empty folder; `station` is the program under test.
     ///
     /// # Panics
-    /// There is no room for a folder.
+    /// The folder cannot be created.
     #[must_use]
     pub fn new(station: &str) -> Self {
         Self { folder: TempDir::new().expect("a temporary folder"), station: station.into() }
     }
 
-    /// Where it is.
+    /// The path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 
-    /// Writes a file into it.
+    /// Writes a file into the folder.
     ///
     /// # Panics
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn write(&self, name: &str, text: &str) -> PathBuf {
         let path = self.path().join(name);
         std::fs::write(&path, text).expect(name);
         path
     }
 
-    /// The station with these arguments, in this folder.
+    /// The station's command with these arguments, in this folder.
     #[must_use]
     pub fn station<S: AsRef<std::ffi::OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
         let mut command = Command::new(&self.station);
@@ -124,7 +124,7 @@ impl Place {
     /// The record of the only run.
     ///
     /// # Panics
-    /// There is another number of runs, or the record is not JSON.
+    /// There is not exactly one run, or the record is not JSON.
     #[must_use]
     pub fn record(&self) -> Value {
         let runs = self.runs();
@@ -133,28 +133,28 @@ impl Place {
     }
 }
 
-/// What the station said.
+/// The result of a run of the station.
 #[derive(Debug)]
 pub struct Run {
-    /// Its exit code, if it was not killed.
+    /// Its exit code; `None` if it was killed.
     pub code: Option<i32>,
-    /// For people, or events.
+    /// Standard output: text for people, or events.
     pub stdout: String,
-    /// Complaints.
+    /// Standard error: messages about errors.
     pub stderr: String,
 }
 
 /// Reads a JSON file.
 ///
 /// # Panics
-/// It is none.
+/// The file is missing or is not JSON.
 #[must_use]
 pub fn read_json(path: &Path) -> Value {
     let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Names of the items that failed or errored; what was skipped because of them is not at fault.
+/// Names of the items that failed or errored. Items that were skipped because of them are not at fault.
 #[must_use]
 pub fn bad_items(record: &Value) -> Vec<String> {
     let items = record["items"].as_array().into_iter().flatten();

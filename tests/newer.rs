@@ -1,4 +1,4 @@
-//! Records of a later version of the station: they are not damage, and this version does not judge them.
+//! Records of a later version of the station: this version does not call them damaged, and does not judge them.
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
@@ -24,7 +24,7 @@ fn recorded() -> Place {
     place
 }
 
-/// Changes the journal as a later version would have written it, with the digest of what it wrote.
+/// Changes the journal like a later version, and updates its digest.
 fn rewrite(folder: &Path, change: impl Fn(&str) -> String) {
     let (journal, sums) = (folder.join("events.jsonl"), folder.join("SHA256SUMS"));
     let before = digest::of_file(&journal).expect("a digest");
@@ -44,7 +44,7 @@ fn refused(run: &Run, what: &str) {
     assert!(!run.stderr.contains("damaged"), "{}", run.stderr);
 }
 
-/// First, middle and last line, each in a run of its own: all faces name what they do not know.
+/// First, middle and last line, each in a separate run: all faces name what they do not know.
 #[test]
 fn an_unknown_event_is_of_a_newer_version() {
     for (from, to, what) in [
@@ -71,7 +71,7 @@ fn an_unknown_event_is_of_a_newer_version() {
     }
 }
 
-/// The newest run of a module is the newest also if a later version wrote it: an older pass does not stand in its place.
+/// The newest run of a module counts even if a later version wrote it: an older pass does not take its place.
 #[test]
 fn an_older_pass_does_not_stand_for_a_newer_run() {
     let place = recorded();
@@ -87,7 +87,7 @@ fn an_older_pass_does_not_stand_for_a_newer_run() {
     assert!(lines[0].starts_with("passed") && lines[1].starts_with("newer") && lines[1].ends_with(&newest), "{list}");
 }
 
-/// Digests are compared also where the journal is not understood, and what was changed is said.
+/// Digests are compared even if the journal is not understood, and changes are reported.
 #[test]
 fn digests_vouch_for_a_newer_run() {
     let place = recorded();
@@ -100,7 +100,7 @@ fn digests_vouch_for_a_newer_run() {
     assert!(verified.stdout.contains(&format!("{told}: its digests agree")), "{}", verified.stdout);
     assert!(verified.stdout.contains("0 of 1 runs are as written"), "{}", verified.stdout);
     assert!(verified.stderr.contains("nothing is known to be wrong"), "{}", verified.stderr);
-    // This test rewrote its digests, and the chain tells.
+    // This test rewrote the digests, and the chain shows it.
     let chain = place.run(["records", "verify"]);
     assert_eq!(chain.code, Some(1), "{}{}", chain.stdout, chain.stderr);
     fs::write(folder.join("log.txt"), "PASSED").expect("writable");
@@ -109,7 +109,7 @@ fn digests_vouch_for_a_newer_run() {
     assert!(changed.stdout.contains(told) && changed.stdout.contains("log.txt was changed"), "{}", changed.stdout);
 }
 
-/// A run of a later version that has no end yet is left to that version to seal.
+/// A run of a later version without an end is left to that version, which can seal it.
 #[test]
 fn an_open_run_of_a_newer_version_is_not_sealed() {
     let place = recorded();
@@ -124,7 +124,7 @@ fn an_open_run_of_a_newer_version_is_not_sealed() {
     assert_eq!(fs::read_to_string(&journal).ok(), Some(text));
 }
 
-/// A line that no version would write is damage, and is called so.
+/// A line that no version would write is damage, and the station says so.
 #[test]
 fn damage_stays_damage() {
     let place = recorded();

@@ -1,4 +1,4 @@
-//! The papers of a run: passport and report, against the truth of the simulated bench and against the record.
+//! The papers of a run, passport and report, against the truth of the simulated bench and against the record.
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
@@ -13,10 +13,10 @@ use serde_json::Value;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
-/// Everything that a passport needs, as short as it may be.
+/// A plan with everything that a passport needs, as short as possible.
 const SHORT: &str = include_str!("papers/short.toml");
 
-/// What a scanner may read and an operator may type.
+/// A text that a scanner may read or an operator may type.
 const HOSTILE: &str = "<script>alert(1)</script>&\"']]>";
 
 fn run(place: &Place, plan: &str, more: &[&str]) -> Run {
@@ -52,7 +52,7 @@ fn a_calibrated_module_gets_its_passport() {
     it_belongs_to_the_sealed_record(&place, &folder, &passport);
 }
 
-/// The module's own truth, which no part of the station sees, comes out under the published names.
+/// The module's own truth, which the station never sees, appears under the published names.
 fn it_tells_the_truth(passport: &Value) {
     assert_eq!(passport["origin"]["simulated"], true, "a simulated bench is no evidence");
     assert!((number(passport, "/conditions/supply_V") - 5.0).abs() < 0.25);
@@ -62,7 +62,7 @@ fn it_tells_the_truth(passport: &Value) {
         assert!((value - truth).abs() < within, "{pointer}: {value}, truth {truth}");
     };
     for i in 0..3 {
-        // Flicker and turn-on of a good part: a tenth of a mg; of a gyroscope some 10 deg/h, and the module's heat.
+        // Flicker and turn-on of a good part: a tenth of a mg; for a gyroscope some 10 deg/h, and the module's heat.
         near(format!("/accel/b_a_mg/{i}"), truth.accel.bias[i] * 1e3, 1.0);
         near(format!("/gyro/b_g_dps/{i}"), truth.gyro.bias[i], 0.02);
         for j in 0..3 {
@@ -73,7 +73,7 @@ fn it_tells_the_truth(passport: &Value) {
     }
 }
 
-/// `compute` on the raw samples of the run finds the biases of items and passport, with their sign.
+/// `compute` on the raw samples of the run finds the same biases as items and passport, with their sign.
 fn compute_says_the_same(place: &Place, folder: &Path, passport: &Value) {
     let compute = |item: &str, words: &[&str]| -> Value {
         let file = folder.join(item).join("attempt-1.mcap");
@@ -93,17 +93,18 @@ fn compute_says_the_same(place: &Place, folder: &Path, passport: &Value) {
     let still = compute("03-six-position", &["gyro-still", "--latitude", "34.2", "--response", &response]);
     let turned = compute("05-rotation", &["rotation", "--rate", "1000", "--turns", "3"]);
     for i in 0..3 {
-        // The item knows the gravity of the place, 0.1 % away, and the headings: a horizontal earth rate of 0.0035 deg/s.
+        // The item knows the gravity of the place, 0.1 % off, and the headings: a horizontal earth rate of 0.0035
+        // deg/s.
         let (accel_mg, gyro_dps) =
             (number(passport, &format!("/accel/b_a_mg/{i}")), number(passport, &format!("/gyro/b_g_dps/{i}")));
         near("accelerometer", number(&six, &format!("/bias_mg/{i}")), accel_mg, 0.02);
         near("still gyroscope", number(&still, &format!("/bias_rps/{i}")).to_degrees(), gyro_dps, 0.0035);
-        // At the attitude of the turns g-sensitivity adds some 0.01 deg/s to 0.05 and more.
+        // In the position of the turns g-sensitivity adds some 0.01 deg/s to 0.05 and more.
         near("turned gyroscope", number(&turned, &format!("/bias_rps/{i}")).to_degrees(), gyro_dps, 0.03);
     }
 }
 
-/// Whatever a scanner, an operator or a plan says, it stays text in all papers.
+/// Texts from a scanner, an operator or a plan stay texts in all papers.
 fn its_texts_stay_texts(folder: &Path, passport: &Value) {
     let report = report(folder);
     assert!(report.contains("Sensor passport") && report.contains("SIMULATED BENCH"));
@@ -115,7 +116,7 @@ fn its_texts_stay_texts(folder: &Path, passport: &Value) {
     assert!(!xml.contains("<script") && !xml.contains("<b>") && xml.contains("&lt;script&gt;alert(1)"), "{xml}");
 }
 
-/// The digest in the passport is what anybody gets from the list of digests, which vouches for the passport itself.
+/// The digest in the passport follows from the list of digests, which also covers the passport.
 fn it_belongs_to_the_sealed_record(place: &Place, folder: &Path, passport: &Value) {
     let command = r"grep -vE '  (passport.json|passport.xml|report.html)$' SHA256SUMS | sha256sum";
     let output = Command::new("sh").args(["-c", command]).current_dir(folder).output().expect("a shell");
@@ -133,7 +134,7 @@ fn it_belongs_to_the_sealed_record(place: &Place, folder: &Path, passport: &Valu
         again.stdout
     );
 
-    // A better bias.
+    // A forged, better bias.
     let path = folder.join("passport.json");
     let text = fs::read_to_string(&path).expect("a passport");
     let bias = number(passport, "/accel/b_a_mg/0").to_string();
@@ -153,7 +154,8 @@ fn it_belongs_to_the_sealed_record(place: &Place, folder: &Path, passport: &Valu
     assert!(again.stdout.contains("passport.xml cannot be read"), "{}", again.stdout);
 }
 
-/// A failed module has none, however well it was calibrated; judged by other limits it may earn one, beside the run.
+/// A failed module has no passport, even with a good calibration. Judged by other limits it may get one, beside the
+/// run.
 #[test]
 fn a_failed_run_has_no_passport() {
     let place = Place::new(STATION);
@@ -164,7 +166,7 @@ fn a_failed_run_has_no_passport() {
     assert!(report(&failed).contains("None: the run failed"), "the report does not say why");
     let again = place.run(["recompute", failed.to_str().expect("UTF-8")]);
     assert!(again.code == Some(0) && again.stdout.contains("no passport: the run failed"), "{}", again.stdout);
-    // One that was slipped in is noticed.
+    // A passport that was inserted later is noticed.
     fs::write(failed.join("passport.json"), "{}").expect("a file");
     let again = place.run(["recompute", failed.to_str().expect("UTF-8")]);
     assert!(again.code == Some(1) && again.stdout.contains("has earned none: the run failed"), "{}", again.stdout);
@@ -181,7 +183,7 @@ fn a_failed_run_has_no_passport() {
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
 
-/// A run of chosen items speaks for no module.
+/// A run of chosen items gives no passport.
 #[test]
 fn chosen_items_give_no_passport() {
     let place = Place::new(STATION);

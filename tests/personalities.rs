@@ -8,10 +8,10 @@ use std::sync::Mutex;
 use gnc_tests::{Place, bad_items, boards};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
-/// Runs at once: at true speed they mostly wait for the board.
+/// Number of concurrent runs: at true speed they mostly wait for the board.
 const AT_ONCE: usize = 6;
 
-/// Runs the functional plan on a board; says what is not as its file expects.
+/// Runs the functional plan on a board; returns the differences from its file's expectation.
 fn check(board: &Path, speed: &str) -> Result<(), String> {
     let name = board.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = std::fs::read_to_string(board).map_err(|error| error.to_string())?;
@@ -71,13 +71,13 @@ fn every_board_ends_as_expected_at_true_speed() {
     check_all("1");
 }
 
-/// A fault with a size: half of the plan's limit passes, twice the limit fails, on either side, and nothing else
-/// is said of the module.
+/// A fault with a size: half of the plan's limit passes and twice the limit fails, on either side. All other items are
+/// unaffected.
 #[test]
 fn faults_count_from_their_limit_on() {
     type Sized = (&'static str, &'static str, fn(f64) -> String);
     let boards: [Sized; 3] = [
-        // 0.5 % of the interval; a timer that is slow by so many ppm.
+        // 0.5 % of the interval: a timer that is slow by this many ppm.
         ("timers", "timers", |share| format!("[timers]\nrate_error_ppm = {:.1}\n", share * 5000.0)),
         // 0.05 g along X and Y.
         ("imu", "imu", |share| format!("[accel]\noffset_g = [{:.4}, 0.0, 0.0]\n", share * 0.05)),

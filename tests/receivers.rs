@@ -1,6 +1,6 @@
-//! What receivers say on bad days, each judged rightly and by its reason: logs made by `hw-mocks/receivers/make.py`, played
-//! by the simulated receiver. The files beside the logs say how the functional plan should end and which measurements
-//! decide it.
+//! Logs of receivers in bad conditions, each judged right and for the right reason. `hw-mocks/receivers/make.py` makes
+//! the logs, and the simulated receiver plays them. The files beside the logs say how the functional plan should end
+//! and which measurements decide it.
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
@@ -21,7 +21,7 @@ fn receivers() -> Vec<PathBuf> {
     receivers
 }
 
-/// Names of the measurements of an item that failed, in the order of their names.
+/// Names of the failed measurements of an item, sorted.
 fn failed(record: &Value, item: &str) -> Vec<String> {
     let items = record["items"].as_array().into_iter().flatten();
     let attempts =
@@ -34,7 +34,7 @@ fn failed(record: &Value, item: &str) -> Vec<String> {
     names
 }
 
-/// What is wrong with the judgement of a receiver, if anything is.
+/// The mistake in the judgement of a receiver, if there is one.
 fn check(receiver: &Path) -> Option<String> {
     let name = receiver.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = std::fs::read_to_string(receiver).expect("a receiver");
@@ -60,7 +60,7 @@ fn every_receiver_is_judged_by_its_reason() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// What the item `gnss` measures of a receiver under some limits, each with its name, and the code of the run.
+/// The measurements of the item `gnss` for a receiver under named limits, and the exit code of the run.
 fn measured(receiver: &str, limits: &str) -> (Option<i32>, Vec<Value>) {
     let place = Place::new(STATION);
     let plan = format!(
@@ -79,7 +79,7 @@ fn named<'a>(measurements: &'a [Value], name: &str) -> &'a Value {
     measurements.iter().find(|measurement| measurement["name"] == name).expect(name)
 }
 
-/// RTK boxes say no GSA: whether a fix of unknown dimensions suffices is the plan's word.
+/// RTK boxes send no GSA: the plan decides whether a fix of unknown dimensions is enough.
 #[test]
 fn the_plan_says_whether_unknown_dimensions_suffice() {
     let (code, _) = measured("no-gsa.toml", "fix_type = \"== dimensions unknown\"");
@@ -89,7 +89,7 @@ fn the_plan_says_whether_unknown_dimensions_suffice() {
     assert_eq!(named(&measurements, "vdop")["raw"], "no GSA says it");
 }
 
-/// GSA comes with every fifth second, and the window of 2 s need not have one: it is waited for.
+/// GSA comes with every fifth second, so a window of 2 s may have none: the station waits for it.
 #[test]
 fn dimensions_are_waited_for() {
     let (code, measurements) = measured("gsa-every-5th-epoch.toml", "fix_type = \"== 3D\"");
@@ -111,7 +111,7 @@ fn a_figure_that_does_not_exist_has_its_reason() {
     }
 }
 
-/// Errors of the receiver have their name in the record, and other protocols their number.
+/// Errors of the receiver stand in the record by name, and messages of other protocols by number.
 #[test]
 fn faults_and_frames_are_named() {
     let fault = |receiver| {
@@ -133,7 +133,7 @@ fn faults_and_frames_are_named() {
     assert!(fix.starts_with("none (no sentence heard, but frames: ") && fix.ends_with(" UBX)"), "{fix}");
 }
 
-/// A receiver that calls it a 3D fix is believed so far: the functional test allows 30 m. Its accuracy is measured.
+/// The functional test accepts a receiver's claim of a 3D fix up to its limit of 30 m. The accuracy is measured.
 #[test]
 fn a_3d_fix_of_15_m_is_no_accuracy_of_10_m() {
     let place = Place::new(STATION);
@@ -149,13 +149,13 @@ fn a_3d_fix_of_15_m_is_no_accuracy_of_10_m() {
     assert_eq!(failed(&place.record(), "gnss-accuracy"), ["position_horizontal"], "{}", run.stdout);
 }
 
-/// The logs are those that the script makes.
+/// The logs are equal to those that the script makes.
 #[test]
 fn the_logs_are_made_by_their_script() {
     let place = Place::new(STATION);
     let folder = repository().join("hw-mocks/receivers");
     let made = Command::new("python3").arg(folder.join("make.py")).arg(place.path()).status();
-    // Where there is no Python the logs are what they are.
+    // Without Python the logs cannot be compared.
     let Ok(made) = made else { return };
     assert!(made.success());
     for entry in std::fs::read_dir(place.path()).expect("the logs") {

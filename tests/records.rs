@@ -1,4 +1,4 @@
-//! What a run leaves on the disk: whole, believable, and readable after the worst.
+//! The files of a run on disk: complete, believable, and readable even after a crash.
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
@@ -72,7 +72,7 @@ fn a_run_leaves_everything_that_proves_it() {
     assert_eq!(reader::verify(folder), Vec::<String>::new());
 }
 
-/// Whether a text looks like a pattern in which `d` stands for a digit.
+/// Whether a text matches a pattern in which `d` stands for a digit.
 fn chrono_like(text: &str, pattern: &str) -> bool {
     text.len() == pattern.len()
         && text.chars().zip(pattern.chars()).all(|(a, b)| if b == 'd' { a.is_ascii_digit() } else { a == b })
@@ -114,7 +114,7 @@ fn replace(path: &Path, from: &str, to: &str) {
     fs::write(path, text.replacen(from, to, 1)).expect("writable");
 }
 
-/// Whoever listens to `--events` and whoever reads the journal come to the same state.
+/// The events of `--events` and the journal fold to the same state.
 #[test]
 fn the_live_run_and_the_stored_one_agree() {
     let place = Place::new(STATION);
@@ -130,7 +130,8 @@ fn the_live_run_and_the_stored_one_agree() {
     assert!(run.stderr.contains("PASSED"), "people read standard error then: {}", run.stderr);
 }
 
-/// Killed after a random number of events: all that was shown is in the journal, and the run reads as interrupted.
+/// A run is killed after a random number of events: all shown events are in the journal, and the run reads as
+/// interrupted.
 #[test]
 fn sigkill_at_any_moment_leaves_a_readable_journal() {
     println!("seed {KILL_SEED}");
@@ -175,7 +176,7 @@ fn killed_after(moment: usize) {
     let state = journal::fold(&journal).expect("a readable journal").state;
     let list = place.run(["records", "list"]);
     assert_eq!(list.code, Some(0), "{}", list.stderr);
-    // The last event may have been on its way to the disk when the kill came.
+    // The last event may not have reached the disk before the kill.
     let sealed = folder.join("SHA256SUMS").exists();
     let expected = match state.outcome() {
         None => "interrupted",
@@ -188,7 +189,7 @@ fn killed_after(moment: usize) {
     }
 }
 
-/// A journal whose last line was cut anywhere is read up to the last whole event.
+/// A journal whose last line is cut at any place is read up to the last complete event.
 #[test]
 fn a_journal_cut_anywhere_is_read_up_to_its_last_whole_event() {
     let place = Place::new(STATION);
@@ -198,13 +199,13 @@ fn a_journal_cut_anywhere_is_read_up_to_its_last_whole_event() {
     let ends: Vec<usize> = (0..whole.len()).filter(|at| whole[*at] == b'\n').collect();
     for cut in 0..whole.len() {
         let journal = journal::fold(&whole[..cut]).unwrap_or_else(|error| panic!("cut at {cut}: {error}"));
-        // An event whose text is whole counts, even if the end of its line is missing.
+        // An event with a complete text counts, even if its line end is missing.
         let complete = ends.iter().filter(|end| **end <= cut).count();
         assert_eq!(journal.state.next_seq(), complete as u64, "cut at {cut}");
     }
 }
 
-/// The first ctrl-C ends in order, with teardown; the module is off and the record says who stopped it.
+/// The first ctrl-C ends the run in order, with teardown; the module is off and the record says who stopped the run.
 #[test]
 fn the_first_signal_ends_in_order() {
     for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
@@ -217,14 +218,14 @@ fn the_first_signal_ends_in_order() {
         let items = record["items"].as_array().expect("items");
         let outcome = |id: &str| items.iter().find(|item| item["id"] == id).and_then(|item| item["outcome"].as_str());
         assert_eq!(outcome("identity"), Some("passed"), "{signal}");
-        // What was in flight is aborted, what had not begun is not run.
+        // Items in flight are aborted; items that had not begun are not run.
         assert_eq!((outcome("sdram"), outcome("sci")), (Some("aborted"), Some("not_run")), "{signal}");
         assert!(events.contains(r#""kind":"power","on":false"#), "the module is off: {events}");
         assert_eq!(reader::verify(&place.runs()[0]), Vec::<String>::new());
     }
 }
 
-/// The second ends at once: without teardown, but with a record that is whole.
+/// The second ctrl-C ends the run at once: without teardown, but with a complete record.
 #[test]
 fn the_second_signal_ends_at_once() {
     let place = Place::new(STATION);
@@ -235,7 +236,7 @@ fn the_second_signal_ends_at_once() {
     assert_eq!(reader::verify(&place.runs()[0]), Vec::<String>::new());
 }
 
-/// Starts a run at true speed and sends signals once the SDRAM test is under way.
+/// Starts a run at true speed and sends signals as soon as the SDRAM test is under way.
 fn stopped(place: &Place, signals: &[Signal]) -> (Option<i32>, String) {
     let plan = functional_plan();
     let plan = plan.to_string_lossy();
@@ -269,7 +270,7 @@ fn an_unwritable_records_folder_is_refused_before_power_on() {
     assert!(run.stderr.contains("cannot create") && run.stderr.contains("--records"), "{}", run.stderr);
 }
 
-/// The disk fills in mid-run: what was shown as passed is on disk, the run is errored, and it says why.
+/// The disk fills during the run: items shown as passed are on disk, the run is errored, and it says why.
 #[test]
 fn a_write_that_fails_in_mid_run_turns_the_outcome_to_errored() {
     let place = Place::new(STATION);
@@ -296,7 +297,7 @@ fn a_write_that_fails_in_mid_run_turns_the_outcome_to_errored() {
     assert!(state.is_interrupted());
 }
 
-/// Two runs in one second have folders of their own.
+/// Two runs in the same second have separate folders.
 #[test]
 fn runs_in_one_second_do_not_share_a_folder() {
     let place = Place::new(STATION);
@@ -311,7 +312,7 @@ fn runs_in_one_second_do_not_share_a_folder() {
     }
 }
 
-/// The folder of a run that was only begun is listed, not stumbled over.
+/// The folder of a run that had only begun is listed and causes no error.
 #[test]
 fn a_run_cut_off_at_its_very_start_is_listed() {
     let place = Place::new(STATION);
@@ -327,7 +328,7 @@ fn a_run_cut_off_at_its_very_start_is_listed() {
     assert!(run.stderr.contains("cut off at its start"), "{}", run.stderr);
 }
 
-/// By folder and by serial number; what is not there is said in the user's words.
+/// Runs are found by folder and by serial number; a missing run is named in the user's words.
 #[test]
 fn a_run_is_found_by_its_serial_number() {
     let place = Place::new(STATION);
@@ -348,7 +349,7 @@ fn a_run_is_found_by_its_serial_number() {
     }
 }
 
-/// A whole run is taken out of the folder: nothing that is left is wrong, and still it is found.
+/// A whole run is removed from the folder: the remaining files are all right, but the removal is still found.
 #[test]
 fn a_run_that_was_taken_away_is_missed() {
     let place = Place::new(STATION);

@@ -1,5 +1,5 @@
-//! The clock of the samples: a board whose samples leave the grid of its own time calibrates nothing, whatever the link;
-//! one whose clock is off true time does, and the record says by how much.
+//! The clock of the samples. If the samples leave the grid of the board's own time, the board gives no calibration,
+//! over any link. A board whose clock differs from true time can calibrate, and the record gives the difference.
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
@@ -13,7 +13,7 @@ use serde_json::Value;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
-/// Turns alone.
+/// A plan with turns only.
 const TURNS: &str = r#"
 name = "turns"
 version = "1"
@@ -23,7 +23,7 @@ params = { settle = "1 s", rest = "2 s" }
 [item.limits]
 "scale_error_*" = "-5 % .. 5 %"
 "#;
-/// The receiver before them, whose pulses tell the board's clock.
+/// A plan that first runs the receiver, whose pulses show the board's clock.
 const WITH_PULSES: &str = r#"
 name = "turns"
 version = "1"
@@ -60,8 +60,8 @@ fn measured(record: &Value, id: &str, name: &str) -> Value {
     found.expect("a measurement")
 }
 
-/// From 30 ppm to 5 %, either way, over either link: errored with both rates, nothing to compute with, and the same again
-/// when the run is judged anew.
+/// From 30 ppm to 5 %, in both directions, over both links: the run is errored and tells both rates, there is nothing
+/// to compute with, and a later judgement of the run gives the same.
 #[test]
 fn samples_off_the_boards_own_time_calibrate_nothing() {
     for (error_ppm, link) in [(30.0, "rs422"), (-5000.0, "rs422"), (50_000.0, "can"), (-30.0, "can")] {
@@ -78,7 +78,7 @@ fn samples_off_the_boards_own_time_calibrate_nothing() {
         assert!(text.contains("capture `x+") && text.contains("Hz where 1000 Hz were asked for"), "{context}");
         let seen_ppm = text.split("asked for: ").nth(1).and_then(|rest| rest.split(" ppm").next());
         let seen_ppm: f64 = seen_ppm.and_then(|number| number.parse().ok()).expect("a number");
-        // A second tells a ppm; on CAN a sixteenth of it lies between two times.
+        // A second shows a ppm; on CAN there is a sixteenth of a second between two times.
         assert!((seen_ppm - error_ppm).abs() < 1.5, "{context}");
         assert!(error["hint"].as_str().is_some_and(|hint| hint.contains("section 10")), "{context}");
         let folder = place.runs().remove(0);
@@ -87,8 +87,8 @@ fn samples_off_the_boards_own_time_calibrate_nothing() {
     }
 }
 
-/// 60 ppm of difference between two boards is in their scale errors where nothing tells it, and in the interval; with the
-/// pulses of the receiver it is gone.
+/// Two boards differ by 60 ppm. Without a reference the difference is in their scale errors and within their interval;
+/// with the pulses of the receiver it is gone.
 #[test]
 fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
     let scale = |plan: &str, clock_ppm: f64| {
@@ -103,12 +103,12 @@ fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
         let half = (value["uncertainty"]["high"].as_f64().expect("high")
             - value["uncertainty"]["low"].as_f64().expect("low"))
             / 2.0;
-        // The limit is in percent, and so is the figure.
+        // The limit is in percent, like the figure.
         (value["value"].as_f64().expect("a number") * 1e4, half * 1e4, record)
     };
     let (slow, half, record) = scale(TURNS, -30.0);
     let (fast, _, _) = scale(TURNS, 30.0);
-    // The noise of a turn at rest is 4 ppm, and two of them differ by six.
+    // The noise of a turn at rest is 4 ppm, and that of the difference of two is six.
     assert!((fast - slow - 60.0).abs() < 25.0, "{slow} {fast}");
     assert!(half > 50.0, "{half}");
     let unknown = measured(&record, "rotation", "sample_rate_error");
@@ -126,8 +126,8 @@ fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
     }
 }
 
-/// A board that counts its times from the rate asked for hides from its own time, and not from the host's clock: at true
-/// speed a plan can limit that.
+/// A board may count its times from the requested rate. Its own time then hides the error, but the host's clock does
+/// not: at true speed a plan can limit it.
 #[test]
 fn counted_times_do_not_hide_from_the_hosts_clock() {
     let plan = r#"
@@ -146,7 +146,7 @@ sample_rate_error = "-1 % .. 1 %"
     let seen = measured(&place.record(), "imu", "sample_rate_error");
     let within = |bound: &str| seen["uncertainty"][bound].as_f64().expect("a bound");
     assert!(within("low") > -1e9 && within("low") < within("high"), "{seen}");
-    // At full speed there is nothing to compare with, and a limit on nothing is errored.
+    // At full speed there is no clock to compare with, and a limit without a value is errored.
     let place = Place::new(STATION);
     let at_max = run(&place, plan, "", &[]);
     assert_eq!(at_max.code, Some(3), "{}{}", at_max.stdout, at_max.stderr);
@@ -156,8 +156,8 @@ sample_rate_error = "-1 % .. 1 %"
     );
 }
 
-/// The raw file of a good run once more, with the frame times that a board would have told whose samples came so many ppm
-/// too fast: what an older station filed without a look at them.
+/// Copies the raw file of a good run with other frame times: those of a board whose samples come too fast by this many
+/// ppm. An older station filed such times without a check.
 fn with_other_times(from: &Path, to: &Path, error_ppm: f64) {
     let record = raw::read(File::open(from).expect("a raw file")).expect("a whole raw file");
     let mut out = RawWriter::new(File::create(to).expect("room")).expect("a head");
@@ -175,8 +175,8 @@ fn with_other_times(from: &Path, to: &Path, error_ppm: f64) {
     out.finish().expect("room");
 }
 
-/// Files of runs that were captured before anybody looked at the times: nothing is computed from them, and `recompute` says
-/// that the figures do not hold.
+/// Files of runs from before the times were checked: no figures are computed from them, and `recompute` says that the
+/// old figures do not hold.
 #[test]
 fn older_records_are_looked_at_too() {
     let place = Place::new(STATION);

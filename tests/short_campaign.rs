@@ -1,4 +1,4 @@
-//! Some runs of a campaign; `cargo run --release -p gnc-tests --bin campaign` makes two thousand.
+//! A few runs of a campaign; `cargo run --release -p gnc-tests --bin campaign` makes two thousand.
 
 use std::time::Duration;
 
@@ -31,7 +31,8 @@ fn sixty_runs_in_memory_hold_what_every_run_must() {
     campaign(Over::Memory, 30..90);
 }
 
-/// In memory a case is the same run each time, to the byte: twelve with faults on either link, stops and cables pulled out.
+/// In memory a case gives the same run each time, to the byte: twelve cases with faults on both links, stops and pulled
+/// cables.
 #[test]
 fn a_case_is_the_same_run_each_time_in_memory() {
     let mut disturbed = 0;
@@ -47,7 +48,7 @@ fn a_case_is_the_same_run_each_time_in_memory() {
     assert!(differs(&one, &run(&other, Over::Memory, None)).is_some(), "another case is another run");
 }
 
-/// A run that nobody touches, on a clean line.
+/// An undisturbed run on a clean line.
 fn calm(board: &'static str, faults: &str) -> Case {
     Case {
         seed: SEED,
@@ -66,7 +67,7 @@ fn check(case: &Case, ran: &Ran, expected: &str) {
     assert!(found.iter().any(|violation| violation.contains(expected)), "no \"{expected}\" in {found:?}");
 }
 
-/// What the campaign looks for it also finds: true runs, held to what is true of others.
+/// The campaign finds each violation that it looks for: real runs, checked against the conditions of other cases.
 #[test]
 fn violations_are_seen() {
     let (good, bad) = (calm("good", ""), calm("pps-missing", ""));
@@ -94,7 +95,7 @@ fn violations_are_seen() {
     check(&lossy, &ran, "the line did nothing");
 }
 
-/// A seed repeats what is drawn, and another seed draws something else.
+/// A seed repeats the drawn cases, and another seed draws other cases.
 #[test]
 fn a_seed_repeats_its_runs() {
     for number in 0..100 {

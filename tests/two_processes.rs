@@ -7,7 +7,7 @@ use gnc_tests::{Board, Place, bad_items, functional_plan};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
-/// All items that need nobody at the bench and no sky over simulated minutes.
+/// All items that need neither an operator nor a sky over simulated minutes.
 const ITEMS: &str = "identity,cpu,timers,internal-ram,sdram,spi-flash,internal-flash,imu,io,spi,sci,gnss";
 
 fn args(only: &str) -> Vec<String> {
@@ -33,7 +33,7 @@ fn a_station_tests_a_board_in_another_process() {
     assert_eq!(record["station"], "two");
 }
 
-/// What somebody does at the bench reaches the module, and through it the measurements.
+/// Actions of an operator at the bench reach the module, and so the measurements.
 #[test]
 fn commands_turn_the_module() {
     let mut board = Board::start(MOCK, &["--serial-number", "SIM-0001", "--speed", "max"]);
@@ -54,14 +54,15 @@ fn commands_turn_the_module() {
     assert!((value("accel_x") - 1.0).abs() < 0.05 && value("accel_z").abs() < 0.05, "{measurements:?}");
 }
 
-/// The board's program dies in mid-run, as an adapter does that is pulled: the run is errored, not failed, and says so.
+/// The board's program dies during the run, like an adapter that is pulled out: the run is errored, not failed, and
+/// says so.
 #[test]
 fn a_port_that_vanishes_is_the_bench_s_fault() {
     let mut board = Board::start(MOCK, &["--serial-number", "SIM-0001"]);
     let place = Place::new(STATION);
     place.write("bench.toml", &board.bench_file("two"));
     let mut args = args("identity,cpu,sdram,io");
-    // Else IO runs beside the processor's test and is over by then.
+    // Otherwise IO runs beside the processor's test and is over by then.
     args.extend(["--events".into(), "--one-by-one".into()]);
     let mut station = place.station(args).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("the station");
     let mut lines = BufReader::new(station.stdout.take().expect("its output")).lines();
@@ -85,8 +86,8 @@ fn a_port_that_vanishes_is_the_bench_s_fault() {
     assert!(error.contains(&format!("port {} went away", board.port)), "{error}");
 }
 
-/// A result that the line lost is asked for before the board forgets it: each attempt erases once, however many other
-/// requests end meanwhile.
+/// The station asks again for a result that the line lost, before the board forgets it: each attempt erases once,
+/// however many other requests end meanwhile.
 #[test]
 fn a_flash_is_not_erased_again_because_an_answer_was_lost() {
     let folder = Place::new(STATION);

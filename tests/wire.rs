@@ -1,8 +1,8 @@
-//! Good and bad modules behind a line that loses, doubles, reorders, delays, damages and invents: whatever it does, it
-//! never makes a good module fail, nor a bad one pass, and never holds a run up for ever.
+//! Good and bad modules behind a line that loses, doubles, reorders, delays, damages and invents frames. The line never
+//! makes a good module fail or a bad one pass, and never blocks a run forever.
 //!
-//! A run that disappoints is named with its board file and seed; `--sim=FILE --seed N` repeats it, as far as wall time
-//! lets it: which frames the dice hit depends on how many there are. `GNC_WIRE_SEEDS=20` runs as many seeds of each.
+//! A run with a wrong result is named with its board file and seed; `--sim=FILE --seed N` repeats it as far as wall
+//! time allows: which frames are hit depends on the number of frames. `GNC_WIRE_SEEDS=20` runs this many seeds of each.
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
@@ -16,10 +16,10 @@ use gnc_tests::{Place, functional_plan, repository};
 use serde_json::Value;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
-/// Runs at once: those with delays wait more than they work.
+/// Number of concurrent runs: those with delays wait more than they work.
 const AT_ONCE: usize = 8;
-/// A run on a clean line takes a second; one in which every item meets a dead line twice, some forty, and over CAN, where
-/// a message that breaks off takes a second more, some eighty.
+/// Longest time of a run. A run on a clean line takes a second. If every item meets a dead line twice, it takes some
+/// forty. Over CAN it takes some eighty, since each broken-off message takes a second more.
 const LONGEST: Duration = Duration::from_secs(150);
 
 /// A fault of the wire: its name, and its rates for a mild and a harsh line.
@@ -69,8 +69,8 @@ const FAULTS: [Fault; 11] = [
     },
 ];
 
-/// The same between station and CAN bus. What is damaged there no controller lets through; what is altered all the same
-/// the checksum of the messages finds.
+/// The same between station and CAN bus. Controllers discard frames that are damaged there; the checksum of the
+/// messages finds other alterations.
 const CAN_FAULTS: [Fault; 9] = [
     Fault { name: "frames lost", mild: "lost_frames_per_million = 100.0", harsh: "lost_frames_per_million = 5e3" },
     Fault { name: "bursts lost", mild: "lost_bursts_per_million = 30.0", harsh: "lost_bursts_per_million = 1e3" },
@@ -113,16 +113,16 @@ const CAN_FAULTS: [Fault; 9] = [
     },
 ];
 
-/// A good module, and bad ones of which the evidence comes by results, by a stream and by restarts.
+/// A good module, and bad ones that show their faults in results, in a stream and by restarts.
 const BOARDS: [&str; 4] = ["good", "pps-missing", "spi-flips-bits", "reboots-in-sdram"];
 
-/// The same for CAN: one that alters test frames, one that swaps them.
+/// The same for CAN: one module alters test frames, another swaps them.
 const CAN_BOARDS: [&str; 4] = ["good", "can-flips-bits", "can-swaps-frames", "pps-missing"];
 
-/// Harsh faults of which no run stays free.
+/// Harsh faults that affect every run.
 const LOSSY: [&str; 3] = ["frames lost", "frames cut", "bits flipped"];
 
-/// One run that is to be made.
+/// A run to be made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Case {
     link: Link,
@@ -133,19 +133,19 @@ struct Case {
     seed: u64,
 }
 
-/// Over which link commands go, and which one is faulty.
+/// The link of the commands, and which link is faulty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Link {
     /// Commands over RS-422, which is faulty.
     Serial,
     /// Commands over RS-422, a faulty CAN bus beside it.
     CanBeside,
-    /// All over a faulty CAN bus.
+    /// Everything over a faulty CAN bus.
     CanAlone,
 }
 
 impl Link {
-    /// The option of the station and the table of the board's file.
+    /// The station's option and the table in the board's file.
     fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::Serial => ("rs422", "wire"),
@@ -155,7 +155,7 @@ impl Link {
     }
 }
 
-/// How it ended.
+/// The end of a run.
 #[derive(Debug)]
 struct Ended {
     outcome: String,
@@ -221,7 +221,7 @@ fn said_of_the_line(record: &Value) -> bool {
     notes.filter_map(|note| note["text"].as_str()).any(|text| text.starts_with("the line was not clean"))
 }
 
-/// Ends a process that does not end by itself.
+/// Kills a process that does not end in time.
 struct Killer {
     ended: std::sync::mpsc::Sender<()>,
     thread: Option<std::thread::JoinHandle<()>>,
@@ -249,7 +249,7 @@ impl Drop for Killer {
     }
 }
 
-/// Runs all; fails with everything that went wrong.
+/// Runs all cases; fails with all errors.
 fn run_all(cases: Vec<Case>) -> Vec<(Case, Ended)> {
     let total = cases.len();
     let (left, results) = (Mutex::new(cases), Mutex::new(Vec::new()));
@@ -275,7 +275,7 @@ fn run_all(cases: Vec<Case>) -> Vec<(Case, Ended)> {
     right
 }
 
-/// What came of them by line and fault, for whoever looks at the output.
+/// The results by line and fault, for a reader of the output.
 fn table(ended: &[(Case, Ended)]) -> String {
     let mut by_fault: BTreeMap<(bool, &str), (usize, usize, usize, Duration)> = BTreeMap::new();
     for (case, ended) in ended {
@@ -309,7 +309,7 @@ fn cases(link: Link, harsh: bool, boards: &[&'static str]) -> Vec<Case> {
     cases
 }
 
-/// The station is held to it on a harsh line; on a mild one asking again makes good what is lost now and then.
+/// On a harsh line the station must report the losses. On a mild one, asking again may repair them without a report.
 #[test]
 fn no_fault_of_the_line_makes_a_verdict() {
     let all =
@@ -328,7 +328,7 @@ fn most_reach_a_verdict(ended: &[(Case, Ended)]) {
     assert!(verdicts * 4 >= mild.len() * 3, "{verdicts} of {} runs on a mild line reached a verdict", mild.len());
 }
 
-/// The same on CAN, for commands and for the item that tests the bus itself.
+/// The same on CAN, for commands and for the item that tests the bus.
 #[test]
 fn no_fault_of_the_can_bus_makes_a_verdict() {
     for (link, boards) in [(Link::CanBeside, &CAN_BOARDS[..3]), (Link::CanAlone, &CAN_BOARDS[..])] {

@@ -1,4 +1,4 @@
-//! What an operator or a fixture does at the bench, and who waits there for bench time to pass.
+//! Actions of an operator or a fixture at the bench, and the callers that wait for bench time to pass.
 
 use std::sync::mpsc::Sender;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use super::SimulatedBench;
 use crate::turntable::TableRefusal;
 use crate::world::{ModuleAxis, Sign};
 
-/// Somebody who waits for bench time to pass.
+/// A caller that waits for bench time to pass.
 #[derive(Debug)]
 pub(super) enum Sleeper {
     Until(u64, Sender<()>),
@@ -44,11 +44,11 @@ impl SimulatedBench {
         self.table.laid(axis);
     }
 
-    /// Begins to point an axis of the module along a direction. All motions of the table take bench time and end by
-    /// themselves.
+    /// Begins to point an axis of the module along a direction. All motions of the table take bench time and end
+    /// without further calls.
     ///
     /// # Errors
-    /// [`TableRefusal`] when the table moves, or the heading is no number.
+    /// [`TableRefusal`] if the table moves, or the heading is not a number.
     pub fn orient(&mut self, along: Along, axis: ModuleAxis, sign: Sign, heading_deg: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.orient(&mut self.board.world, along, (axis, sign), heading_deg, now_s)
@@ -57,7 +57,7 @@ impl SimulatedBench {
     /// Begins to lay the module down in any attitude: `up` is a direction in the module's axes.
     ///
     /// # Errors
-    /// [`TableRefusal`] when the table moves, or there is no such direction or heading.
+    /// [`TableRefusal`] if the table moves, or there is no such direction or heading.
     pub fn orient_up(&mut self, up: [f64; 3], heading_deg: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.orient_up(&mut self.board.world, up, heading_deg, now_s)
@@ -66,7 +66,7 @@ impl SimulatedBench {
     /// Begins a rotation about the table's axis.
     ///
     /// # Errors
-    /// [`TableRefusal`] when the table moves, was left between two orientations, or cannot turn so fast.
+    /// [`TableRefusal`] if the table moves, was left between two orientations, or cannot turn so fast.
     pub fn rotate(&mut self, angle_deg: f64, span_s: f64) -> Result<(), TableRefusal> {
         let now_s = self.moment();
         self.table.rotate(&mut self.board.world, angle_deg, span_s, now_s)
@@ -99,32 +99,32 @@ impl SimulatedBench {
         !self.board.world.motion.is_still(self.board.true_s(self.board.now_ns()))
     }
 
-    /// Tells `done` when bench time has passed `span` more.
+    /// Notifies `done` when bench time has passed `span` more.
     pub fn sleep(&mut self, span: Duration, done: Sender<()>) {
         let span_ns = u64::try_from(span.as_nanos()).unwrap_or(u64::MAX / 2);
         self.sleepers.push(Sleeper::Until(self.board.now_ns().saturating_add(span_ns), done));
         self.wake_sleepers();
     }
 
-    /// Tells `done` when the module is still, or that it spins without end.
+    /// Notifies `done` when the module is still, or that it spins without end.
     pub fn wait_still(&mut self, done: Sender<Result<(), TableRefusal>>) {
         self.sleepers.push(Sleeper::Still(done));
         self.wake_sleepers();
     }
 
-    /// The true time at which something is done to the module: its samples up to now are taken as it was before.
+    /// The true time of an action on the module. Samples before it are taken first, with the module as it was.
     fn moment(&mut self) -> f64 {
         self.board.take_samples();
         self.board.true_s(self.board.now_ns())
     }
 
-    /// When the module is still for certain, in bench time, if it ever is: a microsecond more than the rounding of a
-    /// true time to nanoseconds of the board could hide.
+    /// The bench time at which the module is still for certain; `None` if it never is. It includes a microsecond more
+    /// than the rounding of a true time to nanoseconds of the board.
     fn still_ns(&self) -> Option<u64> {
         self.board.world.motion.end_s().map(|end_s| self.board.bench_ns(end_s).max(0.0) as u64 + 1000)
     }
 
-    /// When the first sleeper is due, in bench time.
+    /// The bench time at which the first sleeper is due.
     pub(super) fn sleeper_due_ns(&self) -> Option<u64> {
         let due_ns = |sleeper: &Sleeper| match sleeper {
             Sleeper::Until(until_ns, _) => Some(*until_ns),
@@ -133,10 +133,10 @@ impl SimulatedBench {
         self.sleepers.iter().filter_map(due_ns).min()
     }
 
-    /// Tells those whose time has come.
+    /// Notifies the sleepers whose time has come.
     pub(super) fn wake_sleepers(&mut self) {
         let (now_ns, still_ns) = (self.board.now_ns(), self.still_ns());
-        // A sleeper that gave up waiting is gone; it needs no word.
+        // A sleeper that gave up waiting is gone and needs no notice.
         self.sleepers.retain(|sleeper| {
             match sleeper {
                 Sleeper::Until(until_ns, _) if *until_ns > now_ns => return true,

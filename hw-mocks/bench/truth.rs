@@ -1,4 +1,4 @@
-//! What really is on the bench, for tests.
+//! The true state of the bench, for tests.
 
 use gnc_protocol::slave::SlaveBoard as _;
 use nalgebra::Matrix3;
@@ -9,12 +9,12 @@ use crate::fault_queue::Toll;
 use crate::turntable::TableTruth;
 use crate::world::{Influence, TrueSite};
 
-/// What really is, for tests: nothing of it may reach the station.
+/// The true state of the bench, for tests. It must not reach the station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
     /// Where the bench stands.
     pub site: TrueSite,
-    /// Gravity there, m/s^2.
+    /// Gravity at the site, m/s^2.
     pub gravity: f64,
     /// Rotation from north, west, up into the module's axes.
     pub attitude: Matrix3<f64>,
@@ -22,7 +22,7 @@ pub struct Truth {
     pub influence: Influence,
     /// The sensors' models: fixed errors and noise.
     pub sensors: SensorModels,
-    /// What they are really like now, at this temperature and after this power-on.
+    /// The sensors' true properties now, at this temperature and after this power-on.
     pub sensors_now: TrueSensors,
     /// Bench time in ns of the board's oscillator.
     pub bench_time_ns: u64,
@@ -44,7 +44,7 @@ pub struct Truth {
     pub internal_flash_erases: u32,
     /// The turntable.
     pub table: TableTruth,
-    /// What was done to frames on their way.
+    /// What faults did to frames on their way.
     pub line: LineTruth,
 }
 
@@ -62,7 +62,7 @@ pub struct LineTruth {
 }
 
 impl SimulatedBench {
-    /// What really is.
+    /// The true state now.
     #[must_use]
     pub fn truth(&self) -> Truth {
         let board = &self.board;

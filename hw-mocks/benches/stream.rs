@@ -1,5 +1,5 @@
-//! How many samples of the IMU the board makes, frames and writes in a second of wall time at maximum speed, on one
-//! core: what a whole acceptance in a minute needs is 250,000.
+//! Measures how many samples of the IMU the board makes, frames and writes in a second of wall time at maximum speed,
+//! on one core. A whole acceptance in a minute needs 250,000.
 
 #![allow(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
@@ -42,7 +42,7 @@ fn options() -> BenchOptions {
     BenchOptions { speed: Speed::Max, ..BenchOptions::default() }
 }
 
-/// Wall time, and time of all processors for this program: on a busy machine only the second says what it costs.
+/// Wall time, and the time of all processors for this program: on a busy machine only the second shows the cost.
 struct Clock {
     wall: Instant,
     processor: Duration,
@@ -64,7 +64,7 @@ impl Clock {
     }
 }
 
-/// What is said to start a stream, each with what answers it.
+/// Requests that start a stream, each with the kind of its answer.
 fn conversation(rate_hz: u16) -> [(Vec<u8>, Kind); 3] {
     [
         (hello(), Kind::Hello),
@@ -99,7 +99,7 @@ fn sensors(rate_hz: u16, turning: bool) {
     started.say(&format!("sensors, {rate_hz} Hz, {}", if turning { "turning" } else { "still" }));
 }
 
-/// The whole board with its line, and nobody who reads what it says.
+/// The whole board with its line, without a reader.
 fn board(rate_hz: u16, turning: bool) {
     let mut bench = SimulatedBench::new(&options());
     let clock = Instant::now();
@@ -121,7 +121,7 @@ fn board(rate_hz: u16, turning: bool) {
     let started = Clock::start();
     let (mut bytes, mut quiet) = (0_u64, 0);
     let mut fed = clock.elapsed();
-    // The stream has ended when nothing comes for some turns.
+    // The stream has ended when no bytes come for some turns.
     while quiet < 50 {
         let now = clock.elapsed();
         if now - fed > KEEP_ALIVE {
@@ -139,7 +139,7 @@ fn board(rate_hz: u16, turning: bool) {
     println!("    {:.1} bytes a sample", bytes as f64 / f64::from(SAMPLES));
 }
 
-/// Over a pseudo-terminal, to a thread that reads and throws away.
+/// Over a pseudo-terminal, to a thread that reads and discards.
 fn pty(rate_hz: u16) -> std::io::Result<()> {
     let bench = RunningBench::start(&options())?;
     let mut port = std::fs::OpenOptions::new().read(true).write(true).open(bench.port())?;
@@ -159,7 +159,7 @@ fn pty(rate_hz: u16) -> std::io::Result<()> {
     let mut fed = Instant::now();
     let (mut bytes, mut reads) = (0_usize, 0);
     let mut buffer = vec![0; 65_536];
-    // 42 bytes a sample and more: what is left at the end is a frame or two.
+    // A sample takes 42 bytes or more, so only a frame or two are left at the end.
     while bytes < SAMPLES as usize * 42 {
         bytes += port.read(&mut buffer)?;
         reads += 1;

@@ -1,4 +1,4 @@
-//! Streams at work: what the sensors and the receiver give, as the board's clock passes their moments.
+//! Running streams: samples of the sensors and bytes of the receiver, at their moments of the board's clock.
 
 use gnc_protocol::Payload;
 use gnc_protocol::error::FaultCode;
@@ -51,7 +51,7 @@ impl SimulatedBoard {
         body(&ended.map_or_else(StreamStopReply::default, |(_, reply)| reply.clone()))
     }
 
-    /// Ends a stream; the samples that wait for a full frame go ahead.
+    /// Ends a stream. Samples that wait for a full frame are sent first.
     fn close_stream(&mut self, index: usize) {
         let mut stream = self.streams.swap_remove(index);
         if let Some(frame) = stream.take_frame() {
@@ -60,14 +60,14 @@ impl SimulatedBoard {
         self.ended.push((stream.id, stream.stopped()));
     }
 
-    /// The module goes off in good order: no sample is lost.
+    /// Ends all streams in good order before the module is switched off: no sample is lost.
     pub(super) fn close_streams(&mut self) {
         while !self.streams.is_empty() {
             self.close_stream(0);
         }
     }
 
-    /// Ends all streams at once: what has not left yet is dropped and counted.
+    /// Ends all streams at once: samples that have not left yet are dropped and counted.
     pub(super) fn drop_streams(&mut self) {
         self.run_streams();
         while let Some(mut stream) = self.streams.pop() {
@@ -101,14 +101,14 @@ impl SimulatedBoard {
         }
     }
 
-    /// When a stream has something to do.
+    /// The bench time at which a stream has work to do.
     pub(super) fn stream_due_ns(&self, stream: &RunningStream) -> u64 {
         match stream.id {
             StreamId::Imu | StreamId::Compensated => stream.frame_full_ns(),
             StreamId::Gnss => {
                 self.bench_ns(stream.tick as f64 / EPOCHS_HZ + LATENCY_S - self.world.utc_start_s).ceil() as u64
             }
-            // A little after the second, so that the scatter of the edge cannot put it into the future.
+            // A little after the second, so that the scatter of the edge cannot move it into the future.
             StreamId::Pps => self.bench_ns(stream.tick as f64 + 1e-6 - self.world.utc_start_s).ceil() as u64,
         }
     }
@@ -121,14 +121,14 @@ impl SimulatedBoard {
         self.end_complete_streams();
     }
 
-    /// Takes the samples up to now before the world changes: those of a frame that is not full yet wait for it.
+    /// Takes the samples up to now before the world changes. Those of a frame that is not full yet wait for it.
     pub(crate) fn take_samples(&mut self) {
         self.run_streams();
         self.still = None;
     }
 
     fn run_stream(&mut self, index: usize) {
-        // Taken out while it runs, since its samples come from the rest of the board.
+        // The stream is removed from the list while it runs, since its samples need the rest of the board.
         let mut stream = self.streams.swap_remove(index);
         match stream.id {
             StreamId::Imu | StreamId::Compensated => self.run_imu(&mut stream),
@@ -198,8 +198,8 @@ impl SimulatedBoard {
     }
 }
 
-/// What acts on the module. While it lies still only its temperature moves, and that as slowly as the sensors' own noise:
-/// both are worked out once in a step.
+/// What acts on the module. While the module is still, only its temperature changes, as slowly as the sensors' own
+/// noise: both are computed once in a step.
 fn influence(world: &World, still: &mut Option<(i64, Influence)>, now_s: f64) -> Influence {
     let step = (now_s / STEP_S) as i64;
     match still {

@@ -1,4 +1,4 @@
-//! What comes out of a request when its time has passed.
+//! Makes the result of a request when its time has passed.
 
 use gnc_protocol::calibration::CalibrationCommitReply;
 use gnc_protocol::error::FaultCode;
@@ -41,7 +41,7 @@ impl SimulatedBoard {
         let Some(request) = request else { return };
         let elapsed_us = u32::try_from((self.now_ns - started_ns) / 1000).unwrap_or(u32::MAX);
         let done = BoardOutput::Done(RequestDone { request, elapsed_us, outcome });
-        // What begins or ends streams keeps its place among their samples.
+        // Results that begin or end streams keep their place among the samples.
         match message {
             StreamStart::ID | StreamStop::ID | ModulePower::ID => self.samples.push_back(done),
             _ => self.outputs.push_back(done),
@@ -50,7 +50,7 @@ impl SimulatedBoard {
 
     fn carry_out(&mut self, what: Request, finder: Finder) -> Result<Payload, RequestFault> {
         match what {
-            // The conversation answers these two itself.
+            // The conversation itself answers these two.
             Request::MakeSafe(_) | Request::Abort(_) => body(&()),
             Request::ErrorRecords(request) => body(&self.log.from(request.from)),
             Request::LinkCounters(_) => body(&self.link_counters),
@@ -152,7 +152,7 @@ impl SimulatedBoard {
                 self.log.note(finder, self.module.calibration.damaged().into_iter().map(finding));
                 body(&self.module.calibration.read())
             }
-            // Prepared with tasks of their own, so that they never come here.
+            // These requests have their own tasks and never come here.
             Request::TimerMeasure(_)
             | Request::RamTest(_)
             | Request::FlashErase(_)

@@ -13,9 +13,9 @@
 //! | 7 | 4 | ground | 2.0 V |
 //! | 8 | 5 | open | 2.0 V |
 //!
-//! OFF ties the input through 100 kOhm to a 2.0 V reference (2.0 V +- 2 %). ON replaces that by the rail; of
-//! channel 8 it opens the input, which the converter's own 1 MOhm to ground then pulls to 0 V, within 50 mV, with
-//! five times the noise. All switches are OFF at the start.
+//! OFF ties the input through 100 kOhm to a 2.0 V reference (2.0 V +- 2 %). ON connects the rail instead. On channel 8
+//! ON opens the input: the converter's own 1 MOhm to ground then pulls it to 0 V, within 50 mV, with five times the
+//! noise. All switches are OFF at the start.
 
 use gnc_protocol::message::AdChannel;
 use gnc_protocol::wire::List;
@@ -77,7 +77,7 @@ impl Ad {
         }
     }
 
-    /// The switches as they stand, 1 to 5.
+    /// The state of the switches 1 to 5.
     #[must_use]
     pub(crate) fn switches(&self) -> [bool; 5] {
         self.switches
@@ -88,7 +88,7 @@ impl Ad {
         let mut list = List::new();
         for channel in (1..=8_u8).filter(|channel| channels >> (channel - 1) & 1 == 1) {
             let (level_v, noise_v) = self.level(channel, analogue_gauss);
-            // Eight channels at most, and the list holds eight.
+            // The list holds eight channels, and there are at most eight.
             let _ = list.push(self.sample(channel, level_v, noise_v, samples));
         }
         list
@@ -113,7 +113,7 @@ impl Ad {
     }
 
     fn sample(&mut self, channel: u8, level_v: f64, noise_v: f64, samples: u16) -> AdChannel {
-        // Offset and gain of the converter itself, different from channel to channel.
+        // Offset and gain of the converter, different for each channel.
         let offset_v = 0.2e-3 * f64::from(i32::from(channel) % 3 - 1);
         let gain = 1.0 + 1e-4 * f64::from(i32::from(channel) % 5 - 2);
         let (mut sum, mut min, mut max) = (0.0, f64::MAX, f64::MIN);

@@ -1,8 +1,8 @@
 //! The calibration in the module's flash, and the compensation that the module's firmware does with it.
 //!
-//! Two slots of the internal flash, outside the scratch sectors, each with a counter, the checksum and the coefficients.
-//! A commit goes to the slot that is not in force, so that one that is cut off leaves the other as it was. In force is the
-//! slot of the highest counter among those whose checksum is right.
+//! There are two slots in the internal flash, outside the scratch sectors. Each has a counter, the checksum and the
+//! coefficients. A commit goes to the slot that is not in force, so that an interrupted commit leaves the other slot
+//! unchanged. The slot in force is the one with the highest counter among those with a right checksum.
 
 use gnc_protocol::calibration::{
     Calibration, CalibrationReadReply, CalibrationState, CompensatedSample, FIELD_PER_GAUSS, FORCE_PER_MPS2,
@@ -13,18 +13,18 @@ use gnc_protocol::stream::{ImuSample, MAG_LSB_PER_GAUSS, SATURATION};
 use gnc_protocol::wire::Wire;
 use nalgebra::{Matrix3, Vector3};
 
-/// A bit of the stored coefficients that turns over.
+/// A bit of the stored coefficients that flips.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LostBit {
-    /// Byte of the coefficients as they lie on the wire.
+    /// Byte of the coefficients in wire order.
     pub byte: u16,
     /// Bit of the byte, 0 the lowest.
     pub bit: u8,
-    /// Not at the commit, but at the next power-on.
+    /// Whether the bit flips at the next power-on and not at the commit.
     pub after_power_cycle: bool,
 }
 
-/// What is wrong with it.
+/// Faults of the calibration memory.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CalibrationFaults {
     /// Both slots lose this bit of every calibration.
@@ -38,7 +38,7 @@ struct Slot {
     counter: u32,
     checksum: u32,
     bytes: Vec<u8>,
-    /// Whether the fault has taken its bit.
+    /// Whether the bit was already flipped.
     bit_lost: bool,
 }
 
@@ -55,7 +55,7 @@ pub(crate) struct DamagedSlot {
     pub slot: u32,
     /// The checksum stored with it.
     pub expected: u32,
-    /// That of what reads.
+    /// The checksum of the bytes read.
     pub got: u32,
 }
 
@@ -64,19 +64,19 @@ pub(crate) struct DamagedSlot {
 pub struct CalibrationMemory {
     faults: CalibrationFaults,
     slots: [Option<Slot>; 2],
-    /// Written and not committed; gone with the power.
+    /// A calibration that is written but not committed; lost without power.
     written: Option<Calibration>,
     commits: u32,
 }
 
 impl CalibrationMemory {
-    /// A module that was never calibrated.
+    /// The memory of a module that was never calibrated.
     #[must_use]
     pub fn new(faults: CalibrationFaults) -> Self {
         Self { faults, ..Self::default() }
     }
 
-    /// Power came on.
+    /// Handles power-on.
     pub(crate) fn power_on(&mut self) {
         self.written = None;
         self.age(true);
@@ -87,13 +87,13 @@ impl CalibrationMemory {
         self.written = Some(calibration);
     }
 
-    /// Checksum of what was written, if anything was.
+    /// Checksum of the written calibration, if there is one.
     #[must_use]
     pub(crate) fn written_checksum(&self) -> Option<u32> {
         self.written.as_ref().map(Calibration::checksum)
     }
 
-    /// Stores what was written; gives the counter of the commit.
+    /// Stores the written calibration; returns the counter of the commit.
     pub fn commit(&mut self) -> u32 {
         let bytes = self.written.as_ref().and_then(|written| written.to_payload().ok()).unwrap_or_default();
         self.store(bytes.to_vec(), checksum(&bytes));
@@ -101,7 +101,7 @@ impl CalibrationMemory {
         self.commits
     }
 
-    /// Power went away in the middle of a commit: the second half of the slot is erased and empty.
+    /// Handles a power loss in the middle of a commit: the second half of the slot is erased and empty.
     pub(crate) fn interrupt_commit(&mut self) {
         let bytes = self.written.as_ref().and_then(|written| written.to_payload().ok()).unwrap_or_default();
         let mut half = bytes.to_vec();
@@ -139,7 +139,7 @@ impl CalibrationMemory {
         Calibration::from_payload(&slot.bytes).ok()
     }
 
-    /// What the host reads.
+    /// The reply to the host's read request.
     #[must_use]
     pub(crate) fn read(&self) -> CalibrationReadReply {
         let newest = || (0..2).filter(|slot| self.slots[*slot].is_some()).max_by_key(|slot| self.counter(*slot));
@@ -155,7 +155,7 @@ impl CalibrationMemory {
             checksum: slot.checksum,
             ..CalibrationReadReply::default()
         };
-        // One, for which there is room.
+        // The list has room for one calibration, and there is one.
         reply.calibration.extend(Calibration::from_payload(&slot.bytes));
         reply
     }
@@ -164,7 +164,7 @@ impl CalibrationMemory {
         self.slots[slot].as_ref().map_or(0, |slot| slot.counter)
     }
 
-    /// The slots whose checksum is wrong, for error records.
+    /// The slots with a wrong checksum, for error records.
     #[must_use]
     pub(crate) fn damaged(&self) -> Vec<DamagedSlot> {
         let damaged = |(number, slot): (u32, &Option<Slot>)| {
@@ -174,14 +174,14 @@ impl CalibrationMemory {
         (0..).zip(&self.slots).filter_map(damaged).collect()
     }
 
-    /// What the firmware makes of a sample with the calibration in force; `None` without one.
+    /// The firmware's compensation with the calibration in force; `None` without one.
     #[must_use]
     pub fn compensation(&self) -> Option<StoredCompensation> {
         Some(StoredCompensation::new(&self.calibration()?, self.faults.transposed))
     }
 }
 
-/// A calibration ready for use. Fixed when a stream starts.
+/// A calibration ready for use. It is fixed when a stream starts.
 #[derive(Debug, Clone, Copy)]
 pub struct StoredCompensation {
     accel: Matrix3<f64>,
@@ -225,7 +225,7 @@ impl StoredCompensation {
         let y = self.ky * (y - self.mag_zero[1]);
         let x = (x - self.mag_zero[0] - y * self.sin_alpha) / self.cos_alpha;
         let saturated = raw.gyro.iter().chain(&raw.accel).chain(&raw.mag).enumerate();
-        // A cast keeps what is out of range at the end of it.
+        // The cast limits a value to the range of the type.
         let scaled = |values: [f64; 3], scale: f64| values.map(|value| (value * scale).round() as i32);
         CompensatedSample {
             rate: scaled(rate.into(), RATE_PER_RPS),

@@ -4,20 +4,20 @@ use gnc_protocol::can::id::echo_of;
 use gnc_protocol::can::{CanFrame, CanId};
 use gnc_protocol::message::{CanCountersReply, CanState};
 
-/// What is wrong with the controller.
+/// Faults of the controller.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct CanFaults {
-    /// Every so many test frames with data one goes back with the lowest bit of its first byte inverted; 0: none.
+    /// One of this many test frames with data goes back with the lowest bit of its first byte inverted; 0: none.
     pub flip_every: u32,
-    /// Every so many test frames one waits until after the next; 0: none.
+    /// One of this many test frames waits until after the next; 0: none.
     pub swap_every: u32,
-    /// Every so many test frames sending fails at first, which the controller counts; 0: none.
+    /// Sending fails at first for one of this many test frames, and the controller counts it; 0: none.
     pub tx_error_every: u32,
-    /// After so many test frames it leaves the bus; 0: never.
+    /// Number of test frames after which the controller leaves the bus; 0: never.
     pub bus_off_after: u32,
 }
 
-/// The controller. Its counters follow ISO 11898-1: a failed sending adds 8, a good one takes 1 off.
+/// The controller. Its counters follow ISO 11898-1: a failed transmission adds 8, a good one subtracts 1.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct CanController {
     faults: CanFaults,
@@ -36,12 +36,12 @@ impl CanController {
         Self { faults, ..Self::default() }
     }
 
-    /// Power came on: a controller begins anew.
+    /// Handles power-on: the controller starts anew.
     pub(crate) fn power_on(&mut self) {
         *self = Self::new(self.faults);
     }
 
-    /// Takes a frame off the bus; gives what it sends back.
+    /// Takes a frame from the bus; returns the frames that it sends back.
     pub(crate) fn echo(&mut self, frame: &CanFrame) -> impl Iterator<Item = CanFrame> + use<> {
         let back = echo_of(frame.id()).filter(|_| !self.bus_off).and_then(|id| self.answer(id, frame.data()));
         let held = back.and_then(|_| self.held.take());
@@ -55,7 +55,7 @@ impl CanController {
     fn answer(&mut self, id: CanId, data: &[u8]) -> Option<CanFrame> {
         self.received = self.received.wrapping_add(1);
         if self.faults.bus_off_after != 0 && self.received > self.faults.bus_off_after {
-            // Thirty-two failed sendings in a row.
+            // Thirty-two failed transmissions in a row.
             (self.bus_off, self.tx_errors) = (true, 256);
             return None;
         }

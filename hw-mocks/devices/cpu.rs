@@ -6,10 +6,10 @@
 use gnc_protocol::message::{CpuFloats, CpuIntegers, CpuWords};
 use gnc_protocol::wire::List;
 
-/// What is wrong with the cores.
+/// Faults of the cores.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct CpuFaults {
-    /// Core 1, core 2: does not run.
+    /// Whether core 1 or core 2 does not run.
     pub dead: [bool; 2],
     /// A bit of core 2's multiplier output that stays at 0.
     pub multiplier_bit: Option<u8>,
@@ -40,8 +40,8 @@ impl Cpu {
         request.words.clone()
     }
 
-    /// Sum, difference, product, quotient towards zero and remainder of each pair. The smallest number divided by
-    /// -1 is itself with remainder 0, as the hardware wraps it.
+    /// Sum, difference, product, quotient towards zero and remainder of each pair. The smallest number divided by -1 is
+    /// itself with remainder 0, as the hardware wraps it.
     #[must_use]
     pub(crate) fn integers(&self, request: &CpuIntegers) -> List<[i32; 5], 16> {
         let mask = self.multiplier_mask(request.core);

@@ -14,23 +14,23 @@ pub struct BadBit {
     pub word: u32,
     /// Bit of the word, 0 the lowest.
     pub bit: u8,
-    /// What it reads.
+    /// The level that it reads.
     pub level: bool,
 }
 
-/// What is wrong with a flash.
+/// Faults of a flash.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FlashFaults {
     /// Worn bits.
     pub bad_bits: Vec<BadBit>,
-    /// How many times longer an erase takes; 0 is taken as 1.
+    /// Factor on the time of an erase; 0 means 1.
     pub erase_factor: f64,
 }
 
-/// The part fitted.
+/// The flash part on the board.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlashPart {
-    /// JEDEC id, zeros for none.
+    /// JEDEC id; zeros if it has none.
     pub jedec: [u8; 3],
     /// Bytes of a sector.
     pub sector_bytes: u32,
@@ -42,7 +42,7 @@ pub struct FlashPart {
     pub erase_limit_ms: f64,
     /// Typical time to program a whole sector.
     pub write_ms: f64,
-    /// Longest time of that by the data sheet.
+    /// Longest time of programming by the data sheet.
     pub write_limit_ms: f64,
     /// Time to read a whole sector.
     pub read_ms: f64,
@@ -84,7 +84,7 @@ pub struct FlashMemory {
 }
 
 impl FlashMemory {
-    /// A flash whose scratch sectors were used before.
+    /// A flash with scratch sectors that were used before.
     #[must_use]
     pub fn new(part: FlashPart, faults: FlashFaults, dice: Dice) -> Self {
         let words = (part.sector_bytes / 4) as usize;
@@ -113,7 +113,7 @@ impl FlashMemory {
         }
     }
 
-    /// Power went away in the middle of an erase: half of the sector is erased.
+    /// Handles a power loss in the middle of an erase: half of the sector is erased.
     pub fn interrupt_erase(&mut self, sector: u16) {
         if let Some(words) = self.sectors.get_mut(usize::from(sector)) {
             let half = words.len() / 2;
@@ -121,7 +121,7 @@ impl FlashMemory {
         }
     }
 
-    /// Programs a sector with the pattern of a seed: bits are cleared, never set.
+    /// Programs a sector with the pattern of a seed: it clears bits and never sets them.
     pub fn write(&mut self, sector: u16, seed: u32) {
         if let Some(words) = self.sectors.get_mut(usize::from(sector)) {
             for (word, value) in words.iter_mut().zip(Xorshift32::new(seed)) {
@@ -130,7 +130,7 @@ impl FlashMemory {
         }
     }
 
-    /// A word as it reads.
+    /// Reads a word.
     #[must_use]
     pub fn read(&self, sector: u16, word: u32) -> u32 {
         let stored = self.sectors.get(usize::from(sector)).and_then(|words| words.get(word as usize));
@@ -167,13 +167,13 @@ impl FlashMemory {
         reply
     }
 
-    /// How long the next erase keeps the flash busy: typical, varying by 3 %.
+    /// How long the next erase keeps the flash busy: the typical time, with 3 % of scatter.
     pub(crate) fn erase_us(&mut self) -> u32 {
         let factor = if self.faults.erase_factor > 0.0 { self.faults.erase_factor } else { 1.0 };
         (self.part.erase_ms * 1000.0 * factor * (1.0 + 0.03 * self.dice.normal().clamp(-3.0, 3.0))) as u32
     }
 
-    /// How long the next programming of a sector keeps the flash busy: typical, varying by 2 %.
+    /// How long the next programming of a sector keeps the flash busy: the typical time, with 2 % of scatter.
     pub(crate) fn write_us(&mut self) -> u32 {
         (self.part.write_ms * 1000.0 * (1.0 + 0.02 * self.dice.normal().clamp(-3.0, 3.0))) as u32
     }

@@ -8,8 +8,8 @@
 //! east with 1 s. That is inside the published 1-sigma limits of 10 m, 15 m and 0.1 m/s. The edges of 1PPS scatter
 //! by 15 ns (1 sigma) before the slave's timer rounds them to its 10 ns.
 //!
-//! A receiver that plays a log says its epochs at a steady pace from each start on, and is mute after the last. What
-//! nobody listens to is lost. Its pulses come from the start on: they are those of a clock and not of the log.
+//! A receiver that plays a log sends its epochs at a steady pace after each start, and is silent after the last one.
+//! Epochs without a listener are lost. Its pulses come from the start on: they belong to a clock and not to the log.
 
 use std::sync::Arc;
 
@@ -23,28 +23,28 @@ use crate::world::World;
 
 /// Epochs a second.
 pub(crate) const EPOCHS_HZ: f64 = 5.0;
-/// From an epoch to the last byte of its sentences.
+/// Time from an epoch to the last byte of its sentences.
 pub(crate) const LATENCY_S: f64 = 0.06;
 
-/// What is wrong around or in the receiver.
+/// Faults of the receiver and around it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct GnssFaults {
     /// No signal reaches the antenna.
     pub no_sky: bool,
-    /// The signals come through a repeater whose antenna stands so many metres to the north and east.
+    /// The signals come through a repeater whose antenna stands this many metres to the north and east.
     pub antenna_offset_m: (f64, f64),
-    /// The antenna connection opens so many seconds after each fix.
+    /// The antenna connection opens this many seconds after each fix.
     pub covered_after_fix_s: Option<f64>,
     /// The 1PPS line is broken.
     pub pps_open: bool,
-    /// Scatter of the 1PPS edges beside the usual one, 1 sigma.
+    /// Additional scatter of the 1PPS edges, 1 sigma.
     pub pps_jitter_s: f64,
 }
 
-/// A log that is played instead.
+/// A log that is played in place of a sky.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Playback {
-    /// What is said.
+    /// The log.
     pub recording: Arc<Recording>,
     /// Epochs a second, at most [`EPOCHS_HZ`].
     pub epochs_hz: f64,
@@ -93,12 +93,12 @@ impl SimulatedReceiver {
         }
     }
 
-    /// Power came on: a hot start.
+    /// Handles power-on: a hot start.
     pub(crate) fn power_on(&mut self, now_s: f64) {
         self.restart(GnssStart::Hot, now_s);
     }
 
-    /// Forgets what the kind of start says and acquires anew.
+    /// Restarts the receiver: it forgets what this kind of start implies, and acquires anew.
     pub(crate) fn restart(&mut self, start: GnssStart, now_s: f64) {
         let (shortest_s, longest_s, time_share) = match start {
             GnssStart::Hot => (1.2, 1.8, 0.0),
@@ -122,7 +122,7 @@ impl SimulatedReceiver {
         !self.faults.no_sky && !covered
     }
 
-    /// What it says at `now_s`, once for each of its epochs.
+    /// The bytes that it sends at `now_s`, once for each of its epochs.
     pub(crate) fn say(&mut self, world: &World, now_s: f64) -> Vec<u8> {
         match &self.playback {
             Some(playback) => playback.said(now_s - self.started_at_s).to_vec(),
@@ -137,7 +137,7 @@ impl SimulatedReceiver {
         for satellite in &mut view {
             satellite.cn0_dbhz += self.dice.normal().clamp(-2.0, 2.0);
         }
-        // The signals are found one after the other; the last one brings the fix.
+        // The signals are found one after the other; the last one gives the fix.
         let acquired = (now_s - self.started_at_s) / (self.fix_at_s - self.started_at_s).max(1e-3);
         let tracked = ((view.len() as f64 * acquired.min(1.0)) as usize).min(view.len());
         let used = if self.has_fix(now_s) { sky::usable(&view) } else { Vec::new() };
@@ -152,7 +152,7 @@ impl SimulatedReceiver {
         .sentences()
     }
 
-    /// Scatter of the 1PPS edge of a whole second, if there is one on the line.
+    /// Scatter of the 1PPS edge of a whole second; `None` if there is no edge on the line.
     pub(crate) fn pps_scatter_s(&mut self, now_s: f64) -> Option<f64> {
         let scatter_s = 15e-9_f64.hypot(self.faults.pps_jitter_s) * self.pps_dice.normal();
         let runs = self.has_fix(now_s) || self.playback.is_some();
@@ -186,7 +186,7 @@ impl SimulatedReceiver {
 }
 
 impl Playback {
-    /// The epoch that became due since the last one of the receiver's own, if one did.
+    /// The bytes of the epoch that became due since the receiver's own last epoch, if there is one.
     fn said(&self, since_start_s: f64) -> &[u8] {
         let due = |at_s: f64| (at_s * self.epochs_hz).floor();
         let (before, now) = (due(since_start_s - 1.0 / EPOCHS_HZ), due(since_start_s));

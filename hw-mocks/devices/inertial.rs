@@ -1,15 +1,15 @@
 //! Gyroscopes, accelerometers and magnetometer: `N = M f + b + noise`, for the gyroscopes with a g-sensitivity.
 //!
-//! [`model`] says what a good module is like and where its numbers come from, [`noise`] what its noise is, with a fast
-//! simulation of it alone, [`bandwidth`] what its filters do, [`faults`] what may be wrong. `triad` makes codes of what
-//! three sensors of one chip feel; `reader` is what one stream of samples sees of the three chips; here all nine sensors
-//! give samples, as the board's clock passes their moments.
+//! [`model`] describes a good module and the sources of its numbers. [`noise`] describes its noise, with a fast
+//! simulation of the noise alone. [`bandwidth`] describes its filters, and [`faults`] the possible faults. `triad`
+//! makes codes from the inputs of the three sensors of a chip, and `reader` is the view of one sample stream on the
+//! three chips. Here all nine sensors give samples at their moments of the board's clock.
 //!
-//! The way of a sample: what acts, the sensors' response, bias and slow noise, white noise and filter, vibration, spikes,
-//! the converter with its range, and the read, which may fail or find an old conversion.
+//! A sample is made in this order: input, response, bias and slow noise, white noise and filter, vibration, spikes, the
+//! converter with its range, and the read, which may fail or find an old conversion.
 //!
-//! What changes slowly (temperature, slow noise, drifts) moves in steps of `noise::STEP_S` and is held between; white
-//! noise is drawn for each sample. So the samples of a module that lies still cost nine random numbers each.
+//! Slow changes (temperature, slow noise, drifts) move in steps of `noise::STEP_S` and are held between. White noise is
+//! drawn for each sample. So each sample of a still module costs nine random numbers.
 
 pub mod bandwidth;
 pub mod faults;
@@ -50,7 +50,7 @@ pub struct Sensors {
     thermometers: [i16; 2],
     /// Reads of all three chips that fail.
     failing: Option<Failing>,
-    /// For samples that no stream asks for.
+    /// The reader for samples that do not belong to a stream.
     reader: Option<SensorReader>,
     white_dice: Dice,
     slow_dice: Dice,
@@ -88,7 +88,7 @@ impl Sensors {
         }
     }
 
-    /// Draws what is new at each power-on.
+    /// Draws the values that are new at each power-on.
     pub fn power_on(&mut self, now_s: f64) {
         for part in [&mut self.gyro, &mut self.accel, &mut self.mag] {
             part.triad.power_on(&mut self.turn_on_dice);
@@ -97,14 +97,14 @@ impl Sensors {
         (self.powered_at_s, self.reader) = (now_s, None);
     }
 
-    /// A reader for one stream of samples; its filters have felt for long what they feel first.
+    /// A reader for one stream of samples; its filters are settled at their first input.
     #[must_use]
     pub fn reader(&self, rate_hz: f64) -> SensorReader {
         SensorReader::new(&self.models, &self.vibrations, rate_hz)
     }
 
-    /// Takes one sample of what acts at the moments that it is asked for: now, where a chip converted before that moment,
-    /// and where a magnetometer is sampled late that moment.
+    /// Takes one sample. `at` gives what acts at a moment: now, the earlier moment of a chip's conversion, and the
+    /// later moment of a magnetometer axis that is sampled late.
     pub fn read(&mut self, reader: &mut SensorReader, mut at: impl FnMut(f64) -> Influence, now_s: f64) -> ImuSample {
         let now = at(now_s);
         self.move_slowly(&now, now_s);
@@ -125,7 +125,7 @@ impl Sensors {
         }
     }
 
-    /// Takes one sample of a steady influence, as a stream at this rate would.
+    /// Takes one sample of a steady influence, like a stream at this rate.
     pub fn sample(&mut self, influence: &Influence, now_s: f64, rate_hz: f64) -> ImuSample {
         let known = self.reader.take().filter(|reader| reader.rate_hz == rate_hz);
         let mut reader = known.unwrap_or_else(|| self.reader(rate_hz));
@@ -147,7 +147,7 @@ impl Sensors {
         &self.models
     }
 
-    /// What the sensors are really like at a temperature, for tests that know the truth.
+    /// The sensors' true properties at a temperature, for tests that know the truth.
     #[must_use]
     pub fn truth(&self, temperature_c: f64) -> TrueSensors {
         TrueSensors {
@@ -158,7 +158,7 @@ impl Sensors {
         }
     }
 
-    /// Slow noise, drifts and thermometers, up to the step in which `now_s` lies.
+    /// Moves slow noise, drifts and thermometers on to the step that contains `now_s`.
     fn move_slowly(&mut self, influence: &Influence, now_s: f64) {
         let step = (now_s / noise::STEP_S) as i64;
         if step <= self.step {
@@ -171,8 +171,8 @@ impl Sensors {
             part.triad.move_slowly(span_s, powered_s, influence.temperature_c, &mut self.slow_dice);
             part.let_go();
         }
-        // Each kind has its own thermometer in its package; both read a little warm. They are read by themselves, once in a
-        // step, so that a read of the sensors that fails leaves them alone.
+        // Each kind has its own thermometer in its package; both read a little too high. They are read separately, once
+        // in a step, so that a failed read of the sensors does not affect them.
         self.thermometers = [0.6, 0.4].map(|warm_k| {
             let reading_c = influence.temperature_c + warm_k + 0.02 * self.temperature_dice.normal();
             (reading_c * 100.0).round() as i16

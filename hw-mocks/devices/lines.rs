@@ -1,11 +1,11 @@
 //! The four IO lines between the module's pins and the slave board, and the SPI on the same wires.
 //!
-//! A line is a pin of the module, a wire and a pad of the board. The netlist says what is joined; the level of a
-//! net follows from what drives it.
+//! A line is a pin of the module, a wire and a pad of the board. The netlist says what is connected; the level of a net
+//! follows from what drives it.
 //!
 //! # Electrical facts
 //! - A net driven both ways is low: the outputs sink more than they source.
-//! - A driver beats a pull (100 kOhm); a net without either keeps its last level, here low.
+//! - A driver is stronger than a pull (100 kOhm); a net without either keeps its last level, here low.
 //! - IO test: the module drives one pin; the board joins the pads of driver and reader; the module pulls every
 //!   pin that it does not drive to the level opposite to the driven one. All pins are read 1 ms later.
 //! - SPI: line 0 is CS (low while a block is sent), 1 CLK, 2 SDI (into the module), 3 SDO (out of it); mode 0, most
@@ -23,7 +23,7 @@ const CLK: usize = 1;
 const SDI: usize = 2;
 const SDO: usize = 3;
 
-/// What is wrong with the wires.
+/// Faults of the wires.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct LineFaults {
     /// Two lines in contact, at the module's pins.
@@ -32,11 +32,11 @@ pub struct LineFaults {
     pub open: Vec<u8>,
     /// Lines in contact with ground (false) or supply (true), at the module's pins.
     pub stuck: Vec<(u8, bool)>,
-    /// Every so many bits on the data lines of the SPI one is inverted; 0: none.
+    /// One of this many bits on the data lines of the SPI is inverted; 0: none.
     pub flip_every_bits: u32,
 }
 
-/// What a node is connected to beside the wires.
+/// The sources at a node beside the wires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Source {
     drive: Option<bool>,
@@ -108,12 +108,12 @@ impl Lines {
         (0..LINES).fold(0, |bits, line| bits | u8::from(levels[line]) << line)
     }
 
-    /// Sends bytes over the SPI, edge by edge; gives what the far side saw.
+    /// Sends bytes over the SPI, edge by edge; returns the bytes that the far side received.
     pub fn spi(&mut self, direction: SpiDirection, data: &[u8]) -> List<u8, 256> {
         let mut listener = Listener::default();
         let mut sender_clock = Clock::default();
         let mut sent = 0_usize;
-        // The block begins and ends with CS high; every bit is one low and one high half of the clock.
+        // The block begins and ends with CS high; every bit has one low and one high half of the clock.
         let total_bits = data.len() * 8;
         self.half(direction, true, false, bit(data, 0), &mut listener, &mut sender_clock);
         for _ in 0..total_bits {
@@ -121,7 +121,7 @@ impl Lines {
                 let value = bit(data, sent);
                 let edges = sender_clock.falling;
                 self.half(direction, false, clock, value, &mut listener, &mut sender_clock);
-                // The board shifts on the falling edges that it sees, the module on those it makes.
+                // The board shifts on the falling edges that it receives, the module on those that it makes.
                 if direction == SpiDirection::ToModule && sender_clock.falling != edges {
                     sent += 1;
                     self.half(direction, false, clock, bit(data, sent), &mut listener, &mut sender_clock);
@@ -135,7 +135,7 @@ impl Lines {
         listener.bytes
     }
 
-    /// One half period: sets the levels and lets both sides look.
+    /// One half period: sets the levels and lets both sides sample.
     fn half(
         &mut self,
         direction: SpiDirection,
@@ -159,7 +159,7 @@ impl Lines {
         let (seen_cs, seen_clock, seen_data) = if from_module {
             (levels[LINES + CS], levels[LINES + CLK], levels[LINES + SDO])
         } else {
-            // The module knows its own select and clock, whatever the wires do.
+            // The module knows its own select and clock, whatever happens on the wires.
             (cs, clock, levels[SDI])
         };
         sender_clock.look(levels[LINES + CLK] && !levels[LINES + CS]);
@@ -176,7 +176,7 @@ fn bit(data: &[u8], index: usize) -> bool {
     data.get(index / 8).is_some_and(|byte| byte >> (7 - index % 8) & 1 == 1)
 }
 
-/// The clock as the sending board sees it.
+/// The clock that the sending board receives.
 #[derive(Debug, Default)]
 struct Clock {
     high: bool,
@@ -216,7 +216,7 @@ impl Listener {
         self.count += 1;
         if self.count == 8 {
             self.count = 0;
-            // No more than the 256 bytes of a block can be clocked in; more would be lost as on the board.
+            // A block has at most 256 bytes; further bytes would be lost as on the board.
             let _ = self.bytes.push(self.shift);
         }
     }

@@ -12,8 +12,8 @@
 //! | address | up w `i` / up r / up w `~i` / up r, each modulo `2^w` | 4 N |
 //! | March C- | up w 0 / up (r 0, w ~0) / up (r ~0, w 0) / down (r 0, w ~0) / down (r ~0, w 0) / down r 0 | 10 N |
 //!
-//! In the March elements both operations are done on a word before the next word's turn. `words` of the reply is
-//! `N`; `mismatches` counts comparisons; the first failed comparison in this order gives place, expected and got.
+//! In the March elements both operations are done on a word before the next word. `words` of the reply is `N`;
+//! `mismatches` counts comparisons; the first failed comparison in this order gives place, expected and got.
 
 use std::ops::Range;
 
@@ -24,10 +24,10 @@ pub(crate) const INTERNAL_WORDS: u32 = 65_536;
 /// Words of the SDRAM, 32 bits each.
 pub(crate) const SDRAM_WORDS: u32 = 1_048_576;
 
-/// What is wrong with a memory.
+/// Faults of a memory.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct MemoryFaults {
-    /// A data line held at a level (bit, level): every word read has it.
+    /// A data line held at a level (bit, level): it affects every word read.
     pub stuck_data_line: Option<(u8, bool)>,
     /// Two address lines in contact: both follow the lower of the two.
     pub shorted_address_lines: Option<(u8, u8)>,
@@ -52,7 +52,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// A memory of `words` words of `width` bits, whose content at power-on is whatever `fill` gives.
+    /// A memory of `words` words of `width` bits; `fill` gives its content at power-on.
     #[must_use]
     pub fn new(words: u32, width: u32, faults: MemoryFaults, mut fill: impl FnMut() -> u32) -> Self {
         let mask = if width >= 32 { u32::MAX } else { (1 << width) - 1 };
@@ -64,7 +64,7 @@ impl Memory {
             && faults.stuck_address_line.is_none()
             && faults.stuck_cells.is_empty()
             && faults.coupled_cells.is_empty();
-        // One drawn block is repeated: nobody may rely on what a RAM holds at power-on.
+        // One drawn block is repeated, since the content of a RAM at power-on is undefined anyway.
         let block: Vec<u32> = (0..1024).map(|_| fill() & mask).collect();
         let cells = (0..words as usize).map(|index| block[index % block.len()]).collect();
         Self { cells, width, mask, forced_high, forced_low, faults, plain }
@@ -95,7 +95,7 @@ impl Memory {
         (self.cells[index as usize] | self.forced_high) & !self.forced_low
     }
 
-    /// Where the address lines really lead.
+    /// The address that the faulty address lines select.
     #[cold]
     fn decode(&self, mut index: u32) -> u32 {
         if let Some((a, b)) = self.faults.shorted_address_lines {
@@ -126,7 +126,7 @@ impl Memory {
     }
 }
 
-/// What an operation puts into a word or expects there.
+/// The value that an operation writes to a word or expects there.
 #[derive(Debug, Clone, Copy)]
 enum Value {
     Same(u32),
@@ -188,7 +188,7 @@ fn elements(pattern: RamPattern) -> &'static [Element] {
     }
 }
 
-/// A pattern on its way over a memory; it runs in pieces, so that the board stays able to answer.
+/// A pattern under way over a memory. It runs in pieces, so that the board stays able to answer.
 #[derive(Debug, Clone)]
 pub struct PatternRun {
     elements: &'static [Element],
@@ -210,19 +210,19 @@ impl PatternRun {
         elements(pattern).iter().map(|element| element.operations.len() as u64 * u64::from(words)).sum()
     }
 
-    /// Whether all is done.
+    /// Whether the pattern is done.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.element >= self.elements.len()
     }
 
-    /// What was found so far.
+    /// The result so far.
     #[must_use]
     pub fn reply(&self) -> &MismatchReply {
         &self.reply
     }
 
-    /// Goes over at most `words` words more; tells how many accesses that were.
+    /// Processes at most `words` words more; returns the number of accesses.
     pub fn run(&mut self, memory: &mut Memory, words: u32) -> u64 {
         self.reply.words = memory.words();
         let mut left = words;
@@ -252,7 +252,7 @@ impl PatternRun {
         accesses
     }
 
-    /// Goes over a range of words; written so that what does not change from word to word leaves the loop.
+    /// Processes a range of words. Everything that does not change from word to word is outside the loop.
     #[inline]
     fn pass(
         &mut self,
@@ -296,7 +296,7 @@ impl PatternRun {
 fn word(value: Value, index: u32, width: u32) -> u32 {
     match value {
         Value::Same(word) => word,
-        // Widths are powers of two; a division for each of a million words would be felt.
+        // Widths are powers of two; a division for each of a million words would take noticeable time.
         Value::Walking => 1 << (index & (width - 1)),
         Value::Index => index,
         Value::NotIndex => !index,

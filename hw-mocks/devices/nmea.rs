@@ -1,7 +1,7 @@
 //! NMEA 0183 sentences of a GPS receiver, with checksums.
 //!
-//! An epoch is RMC, VTG, GGA, GSA and as many GSV as the satellites in view need, talker GP, 5 Hz. Without a fix:
-//! RMC with V, GGA with quality 0, GSA with fix 1, positions empty, dilutions 99.99, the time empty until it is known.
+//! An epoch has RMC, VTG, GGA, GSA and as many GSV as the satellites in view need, talker GP, 5 Hz. Without a fix: RMC
+//! with V, GGA with quality 0, GSA with fix 1, positions empty, dilutions 99.99, and the time empty until it is known.
 
 use std::fmt::Write;
 
@@ -31,11 +31,11 @@ pub(crate) struct ReceiverSolution {
 pub(crate) struct ReceiverEpoch {
     /// UTC of the epoch in seconds since 1970, if the receiver knows the time.
     pub utc_s: Option<f64>,
-    /// Where it is, if it has a fix.
+    /// Its position, if it has a fix.
     pub solution: Option<ReceiverSolution>,
     /// Satellites in view, each with whether it is tracked.
     pub view: Vec<(Satellite, bool)>,
-    /// PRN of those used.
+    /// PRN of the satellites used.
     pub used: Vec<u8>,
 }
 
@@ -150,7 +150,7 @@ impl ReceiverSolution {
     }
 
     fn course_deg(&self) -> f64 {
-        // 359.996 is printed with two digits, and 360.00 is no course.
+        // 359.996 would be printed with two digits as 360.00, which is not a valid course.
         let course = self.east_mps.atan2(self.north_mps).to_degrees().rem_euclid(360.0);
         if course >= 359.995 { 0.0 } else { course }
     }

@@ -1,14 +1,15 @@
-//! A receiver's log, played back: bytes that some receiver said, in the order in which it said them.
+//! A receiver's log, played back: the bytes of a receiver in their order.
 //!
-//! A log holds no times. What repeats is the kind of message that stands first in it (an NMEA sentence, a UBX message): with
-//! each of its kind a new epoch begins, and epochs are said at a steady pace. GSV, GSA and TXT begin none, since an epoch
-//! has several. What is neither stays where it stands, so that garbage is played too. Lines that begin with `#` before the first message are remarks of the recorder.
+//! A log holds no times. The kind of its first message (an NMEA sentence, a UBX message) marks epochs: each message of
+//! this kind begins a new epoch, and epochs are sent at a steady pace. GSV, GSA and TXT begin no epoch, since an epoch
+//! has several. Bytes that are not messages stay in place, so that garbage is played too. Lines that begin with `#`
+//! before the first message are remarks of the recorder.
 
-/// Longest log: an hour of a receiver that says 1 kB a second.
+/// Longest log: an hour of a receiver that sends 1 kB a second.
 pub(crate) const LONGEST: usize = 4 << 20;
-/// Longest epoch: what a receiver says in a second at 115,200 baud. Garbage without messages is said in such pieces.
+/// Longest epoch: the bytes of a second at 115,200 baud. Garbage without messages is sent in such pieces.
 const LONGEST_EPOCH: usize = 11_520;
-/// Garbage that nothing divides is said in pieces of this.
+/// Size of the pieces in which undivided garbage is sent.
 const PIECE: usize = 512;
 
 /// A log, divided into epochs.
@@ -18,7 +19,7 @@ pub(crate) struct Recording {
 }
 
 impl Recording {
-    /// Divides a log; `None` for one that says nothing.
+    /// Divides a log; `None` if it is empty.
     #[must_use]
     pub(crate) fn new(log: &[u8]) -> Option<Self> {
         let mut rest = without_remarks(log);
@@ -40,7 +41,7 @@ impl Recording {
         (!epochs.is_empty()).then_some(Self { epochs })
     }
 
-    /// What the receiver said in one of them, from 0; nothing after the last.
+    /// The bytes of an epoch, counted from 0; empty after the last.
     #[must_use]
     pub(crate) fn epoch(&self, index: usize) -> &[u8] {
         self.epochs.get(index).map_or(&[], Vec::as_slice)
@@ -55,7 +56,7 @@ fn without_remarks(mut log: &[u8]) -> &[u8] {
     log
 }
 
-/// The kind of the message at the front and its length; what is none has no kind and goes up to the next one.
+/// The kind of the message at the front and its length; garbage has no kind and extends to the next message.
 fn message(bytes: &[u8]) -> (Option<[u8; 6]>, usize) {
     if let Some(kind) = nmea(bytes) {
         return (Some(kind), line(bytes));
@@ -67,7 +68,7 @@ fn message(bytes: &[u8]) -> (Option<[u8; 6]>, usize) {
     (None, next.unwrap_or(bytes.len()).min(PIECE))
 }
 
-/// Up to the end of the line, which is CR, LF or both, or up to the next sentence.
+/// Length up to the end of the line, which is CR, LF or both, or up to the next sentence.
 fn line(bytes: &[u8]) -> usize {
     let end = (1..bytes.len()).find(|at| matches!(bytes[*at], b'\r' | b'\n' | b'$'));
     end.map_or(bytes.len(), |end| end + bytes[end..].iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count())
@@ -118,7 +119,7 @@ mod tests {
         );
     }
 
-    /// Not a byte is lost or added, whatever the log is.
+    /// No byte is lost or added, for any log.
     #[test]
     fn garbage_is_played_as_it_is() {
         check(b"", &[]);

@@ -1,13 +1,13 @@
-//! The module's SCI: whatever comes in goes out again.
+//! The module's SCI, which echoes all bytes.
 
 use gnc_protocol::message::{SciEcho, SciEchoReply};
 
-/// What is wrong with the SCI.
+/// Faults of the SCI.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct SciFaults {
-    /// Every so many bytes one is lost with a framing error; 0: none.
+    /// One of this many bytes is lost with a framing error; 0: none.
     pub lose_every: u32,
-    /// Every so many bytes one arrives with its lowest bit inverted; 0: none.
+    /// One of this many bytes arrives with its lowest bit inverted; 0: none.
     pub flip_every: u32,
 }
 
@@ -35,7 +35,7 @@ impl Sci {
                 reply.framing_errors += 1;
                 continue;
             }
-            // As many bytes come back as the block has at most.
+            // At most as many bytes come back as a block holds.
             let _ = reply.data.push(byte ^ u8::from(every(self.bytes, self.faults.flip_every)));
         }
         reply

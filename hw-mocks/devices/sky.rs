@@ -42,11 +42,11 @@ const ALMANAC: [(u8, f64, f64); 12] = [
     (30, 45.0, 66.0),
 ];
 
-/// Below this elevation the receiver leaves a satellite out.
+/// Elevation below which the receiver leaves a satellite out.
 const MASK_DEG: f64 = 10.0;
 
-/// The satellites in view at a time since the bench was started. They drift as a sky does, half a degree of azimuth
-/// a minute at most; a bench run is short against their passes, so that none rises or sets.
+/// The satellites in view at a time since the bench was started. They drift as in a real sky, by at most half a degree
+/// of azimuth a minute. A bench run is short against their passes, so no satellite rises or sets.
 #[must_use]
 pub(crate) fn satellites(now_s: f64) -> Vec<Satellite> {
     let minutes = now_s / 60.0;
@@ -70,7 +70,7 @@ pub(crate) fn usable(satellites: &[Satellite]) -> Vec<Satellite> {
     satellites.iter().filter(|satellite| satellite.elevation_deg >= MASK_DEG).copied().collect()
 }
 
-/// Dilution of precision of a geometry: `(H'H)^-1` of the unit vectors; `None` below four satellites or where
+/// Dilution of precision of a geometry: `(H'H)^-1` of the unit vectors; `None` for fewer than four satellites or if
 /// they lie in one plane.
 #[must_use]
 pub fn dilution(used: &[Satellite]) -> Option<Dilution> {

@@ -1,15 +1,15 @@
 //! How the module starts when its supply comes on.
 
-/// What goes wrong at some power-ons, counted from the bench's start; 0: it never does.
+/// Faults at some power-ons, counted from the bench's start; 0: never.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct StartFaults {
-    /// At every so many-th power-on the module is late.
+    /// The module is late at every n-th power-on.
     pub late_every: u32,
-    /// How late, s.
+    /// Delay of a late start, s.
     pub late_s: f64,
-    /// At every so many-th power-on the module does not start at all.
+    /// The module does not start at all at every n-th power-on.
     pub hangs_every: u32,
-    /// After so many power-ons another module is in the socket.
+    /// Number of power-ons after which another module is in the socket.
     pub swapped_after: u32,
 }
 
@@ -26,7 +26,7 @@ impl Start {
         Self { faults, power_ons: 0, up_at_s: f64::INFINITY }
     }
 
-    /// Power came on at `now_s`.
+    /// Handles power-on at `now_s`.
     pub(crate) fn power_on(&mut self, now_s: f64) {
         self.power_ons += 1;
         let now_and_then = |every: u32| every > 0 && self.power_ons.is_multiple_of(every);

@@ -1,4 +1,4 @@
-//! The three timers of the processor, measured by the slave's reference clock.
+//! The three timers of the processor, measured against the slave's reference clock.
 
 use gnc_protocol::message::{TimerMeasure, TimerMeasureReply};
 
@@ -7,19 +7,19 @@ use crate::noise::{Dice, RandomStream};
 /// Resolution of the slave's reference clock, ns.
 pub(crate) const REFERENCE_NS: f64 = 10.0;
 
-/// How the timers run.
+/// Properties of the timers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TimerModel {
-    /// How much too long an interval is, against the slave's reference.
+    /// Error of an interval against the slave's reference, positive if it is too long.
     pub rate_error_ppm: f64,
     /// Standard deviation of the interrupt's latency.
     pub jitter_ns: f64,
-    /// Every so many interrupts one does not come; 0: none is missed.
+    /// One of this many interrupts does not come; 0: none is missed.
     pub miss_every: u32,
 }
 
 impl Default for TimerModel {
-    /// A crystal of 12 ppm and a latency that varies by 60 ns: a few processor cycles.
+    /// A crystal error of 12 ppm and a latency that varies by 60 ns: a few processor cycles.
     fn default() -> Self {
         Self { rate_error_ppm: 12.0, jitter_ns: 60.0, miss_every: 0 }
     }
@@ -40,8 +40,8 @@ impl Timers {
         Self { model, dice: Dice::new(seed, RandomStream::Timers), fired: [0; 3] }
     }
 
-    /// Runs a timer for `count` intervals. Each interrupt marks the end of one interval and the start of the next;
-    /// where one is missed the interval to the next interrupt is twice as long. Also gives the whole time, in ns.
+    /// Runs a timer for `count` intervals. Each interrupt marks the end of one interval and the start of the next. If
+    /// one is missed, the interval to the next interrupt is twice as long. It also returns the whole time, in ns.
     pub(crate) fn measure(&mut self, request: &TimerMeasure) -> (TimerMeasureReply, u64) {
         let period_ns = f64::from(request.period_us) * 1000.0 * (1.0 + self.model.rate_error_ppm * 1e-6);
         let mut reply = TimerMeasureReply::default();
@@ -54,14 +54,14 @@ impl Timers {
             let interval = ((edge_ns / REFERENCE_NS).floor() - (last_ns / REFERENCE_NS).floor()) * REFERENCE_NS;
             last_ns = edge_ns;
             reply.interrupts += 1;
-            // At most 100 intervals are asked for, and the list holds 100.
+            // At most 100 intervals are requested, and the list holds 100.
             let _ = reply.intervals_ns.push(interval.max(0.0) as u32);
         }
         (reply, (period_ns * f64::from(request.count)) as u64)
     }
 
     fn latency_ns(&mut self) -> f64 {
-        // Latency is never negative: 1 us of entry code and what varies about it.
+        // Latency is never negative: 1 us of entry code and a variable part.
         (1000.0 + self.model.jitter_ns * self.dice.normal()).max(0.0)
     }
 

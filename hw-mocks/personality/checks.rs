@@ -5,12 +5,12 @@ use gnc_text::quoted;
 
 use crate::world::ModuleAxis;
 
-/// A whole number within bounds.
+/// Reads a whole number within bounds.
 pub(super) fn whole<T: TryFrom<i64>>(entry: &TomlEntry<'_, '_>, bounds: (i64, i64)) -> Option<T> {
     T::try_from(entry.integer(bounds)?).ok()
 }
 
-/// A whole number within bounds that must be there.
+/// Reads a required whole number within bounds.
 pub(super) fn required_whole<T: TryFrom<i64>>(
     table: &TomlTable<'_, '_>,
     key: &'static str,
@@ -19,12 +19,12 @@ pub(super) fn required_whole<T: TryFrom<i64>>(
     whole(&table.required(key, &format!("it may be {low} to {high}"))?, (low, high))
 }
 
-/// A number within bounds that must be there.
+/// Reads a required number within bounds.
 pub(super) fn required_number(table: &TomlTable<'_, '_>, key: &'static str, (low, high): (f64, f64)) -> Option<f64> {
     table.required(key, &format!("it may be {low} to {high}"))?.number((low, high))
 }
 
-/// How many of something lie between two faults; 0, or nothing written: no fault.
+/// Number of events from one fault to the next; 0 or no key: no fault.
 pub(super) fn count(table: &TomlTable<'_, '_>, key: &'static str) -> u32 {
     table.entry(key).and_then(|entry| whole(&entry, (0, u32::MAX.into()))).unwrap_or(0)
 }
@@ -46,7 +46,7 @@ pub(super) fn pair(entry: &TomlEntry<'_, '_>, bounds: (i64, i64)) -> Option<(u8,
     Some((a, b))
 }
 
-/// So many numbers, each within the same bounds.
+/// Reads this many numbers, each within the same bounds.
 pub(super) fn numbers<const N: usize>(entry: &TomlEntry<'_, '_>, wanted: &str, bounds: (f64, f64)) -> Option<[f64; N]> {
     let read = entry.array::<N>(wanted)?.map(|element| element.number(bounds));
     read.iter().all(Option::is_some).then(|| read.map(Option::unwrap_or_default))
@@ -68,7 +68,7 @@ pub(super) fn axes(table: &TomlTable<'_, '_>, key: &'static str) -> [bool; 3] {
     set
 }
 
-/// One text of some.
+/// Reads one of several texts.
 pub(super) fn choice<'t>(entry: &TomlEntry<'_, 't>, known: &[&str]) -> Option<&'t str> {
     let text = entry.text()?;
     if known.contains(&text) {
@@ -79,7 +79,7 @@ pub(super) fn choice<'t>(entry: &TomlEntry<'_, 't>, known: &[&str]) -> Option<&'
     None
 }
 
-/// A text that may have so many bytes.
+/// Reads a text with at most `most` bytes.
 pub(super) fn short_text(table: &TomlTable<'_, '_>, key: &'static str, most: usize) -> Option<String> {
     let (text, span) = table.text(key)?;
     if text.len() > most {
@@ -89,7 +89,7 @@ pub(super) fn short_text(table: &TomlTable<'_, '_>, key: &'static str, most: usi
     Some(text.to_owned())
 }
 
-/// Puts a value that was read in the place of a default.
+/// Replaces a default by a value that was read.
 pub(super) fn set<T>(place: &mut T, read: Option<T>) {
     if let Some(read) = read {
         *place = read;

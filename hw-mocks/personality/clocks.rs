@@ -1,4 +1,4 @@
-//! The clocks of a personality: the board's oscillator, and how the IMU's samples are taken by it.
+//! The clocks of a personality: the board's oscillator, and the timing of the IMU's samples.
 
 use gnc_config::TomlTable;
 

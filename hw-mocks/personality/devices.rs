@@ -24,7 +24,7 @@ use crate::devices::timer::TimerModel;
 /// Bytes of the coefficients that a module stores.
 const COEFFICIENT_BYTES: i64 = 300;
 
-/// Names of devices that a trigger may wait for.
+/// Names of devices that can trigger a restart of the board.
 const DEVICES: [&str; 16] = [
     "power",
     "identity",
@@ -55,7 +55,7 @@ pub(super) fn supply(table: &TomlTable<'_, '_>) -> SupplyModel {
     }
 }
 
-/// How a module starts; that another one takes its place stands with the module.
+/// The start of a module. The swap of the module stands in the table of the module.
 pub(super) fn start(table: &TomlTable<'_, '_>) -> StartFaults {
     needs(table, "late_ms", "late_every");
     needs(table, "late_every", "late_ms");
@@ -93,7 +93,7 @@ pub(super) fn timers(table: &TomlTable<'_, '_>) -> TimerModel {
     }
 }
 
-/// A memory of so many words of so many bits.
+/// Reads the faults of a memory with this number of words and bits.
 pub(super) fn memory(table: &TomlTable<'_, '_>, words: u32, width: u8) -> MemoryFaults {
     let (last_word, last_bit) = (i64::from(words) - 1, i64::from(width) - 1);
     let last_line = i64::from(words.ilog2()) - 1;
@@ -124,7 +124,7 @@ pub(super) fn memory(table: &TomlTable<'_, '_>, words: u32, width: u8) -> Memory
     }
 }
 
-/// All tables of a list that can be read.
+/// Reads a list of tables, and skips those that cannot be read.
 fn all<T>(table: &TomlTable<'_, '_>, key: &'static str, read: impl Fn(&TomlTable<'_, '_>) -> Option<T>) -> Vec<T> {
     table.tables(key).into_iter().filter_map(|table| table.read(&read)).collect()
 }
@@ -171,7 +171,7 @@ pub(super) fn gnss(table: &TomlTable<'_, '_>, load: Load<'_>) -> (GnssFaults, Op
 
 fn playback(table: &TomlTable<'_, '_>, load: Load<'_>) -> Option<Playback> {
     needs(table, "playback_hz", "playback");
-    // A receiver that plays a log back does not look at the sky.
+    // A receiver that plays a log back does not use the sky.
     for key in ["no_sky", "repeater_north_m", "repeater_east_m", "covered_after_fix_s"] {
         if table.has("playback")
             && let Some(entry) = table.entry(key)
@@ -208,7 +208,7 @@ pub(super) fn ad(table: &TomlTable<'_, '_>) -> [bool; 5] {
     unwired
 }
 
-/// The lines of [io]; they are those of the SPI too.
+/// The lines of [io]; the SPI uses the same lines.
 pub(super) fn io(table: &TomlTable<'_, '_>) -> LineFaults {
     let open = table.list("open", "a list of lines, 0 to 3");
     let shorted = table.list("shorted", "a list of pairs of lines, such as [[2, 3]]");

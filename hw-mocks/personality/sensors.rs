@@ -1,6 +1,6 @@
-//! Gyroscopes, accelerometers and magnetometer of a personality: what they are like and what is wrong with them.
+//! Gyroscopes, accelerometers and magnetometer of a personality: their properties and faults.
 //!
-//! Keys have their unit in the name, and each kind of sensors takes its own: a figure under another unit is refused.
+//! Keys have their unit in the name, and each kind of sensors has its own unit: a figure in another unit is refused.
 
 use gnc_config::{TomlEntry, TomlTable};
 use gnc_text::quoted;
@@ -12,22 +12,22 @@ use crate::devices::inertial::faults::{FailedReads, MOST_VIBRATIONS, Spikes, Vib
 use crate::devices::inertial::model::Published;
 use crate::devices::inertial::{TriadFaults, TriadModel};
 
-/// What one axis may be given of anything: beyond that somebody mistook the unit.
+/// Largest value of any figure of an axis: a larger one means a wrong unit.
 const MOST: f64 = 1e6;
-/// Frequencies above this are those of a radio, not of a sensor.
+/// Highest frequency of a sensor: higher ones belong to radio.
 const HIGHEST_HZ: f64 = 1e5;
-/// Offsets and amplitudes.
+/// Bounds of offsets and amplitudes.
 const WIDE: (f64, f64) = (-1e4, 1e4);
 
 /// Units of a kind of sensors.
 pub(super) struct Units {
-    /// The table.
+    /// Name of the table.
     kind: &'static str,
-    /// Of what the sensors feel, as in keys and for people.
+    /// Unit of the signal, in keys and for people.
     signal: (&'static str, &'static str),
-    /// Of the bias and its noise, alike; `None`: the table takes no such figures.
+    /// Unit of the bias and its noise, in keys and for people; `None`: the table takes no such figures.
     bias: Option<(&'static str, &'static str)>,
-    /// The unit of the bias in that of the signal.
+    /// The unit of the bias, expressed in the unit of the signal.
     bias_in_signal: f64,
 }
 
@@ -37,7 +37,7 @@ pub(super) const ACCEL: Units =
     Units { kind: "accel", signal: ("g", "g"), bias: Some(("mg", "mg")), bias_in_signal: 1e-3 };
 pub(super) const MAG: Units = Units { kind: "mag", signal: ("gauss", "gauss"), bias: None, bias_in_signal: 1.0 };
 
-/// What a key says of the sensors.
+/// The quantity that a key gives.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Of {
     Signal,
@@ -45,7 +45,7 @@ enum Of {
     BiasPerHour,
 }
 
-/// Keys of a triad that have a unit of the kind of sensors, without it.
+/// Keys of a triad that carry a unit of the kind of sensors; the names here are without it.
 const OF_TRIAD: [(&str, Of); 12] = [
     ("bias_stability", Of::Bias),
     ("bias_repeatability", Of::Bias),
@@ -60,18 +60,18 @@ const OF_TRIAD: [(&str, Of); 12] = [
     ("clip_low", Of::Signal),
     ("clip_high", Of::Signal),
 ];
-/// Keys of spikes that have one.
+/// Keys of spikes that carry such a unit.
 const OF_SPIKES: [(&str, Of); 1] = [("size", Of::Signal)];
 
 impl Units {
-    /// The key, and its unit for people; `None` where the kind of sensors does not take it.
+    /// The key, and its unit for people; `None` if the kind of sensors does not take it.
     fn key(&self, stem: &str, of: Of) -> Option<(String, String)> {
         let (unit, shown) = if of == Of::Signal { self.signal } else { self.bias? };
         let per_hour = if of == Of::BiasPerHour { ("_per_h", " per hour") } else { ("", "") };
         Some((format!("{stem}_{unit}{}", per_hour.0), format!("{shown}{}", per_hour.1)))
     }
 
-    /// The entry of this meaning in the unit that belongs to it.
+    /// The entry of this meaning in the right unit.
     fn entry<'w, 't>(&self, table: &TomlTable<'w, 't>, stem: &str, of: Of) -> Option<TomlEntry<'w, 't>> {
         table.entry(self.key(stem, of)?.0)
     }
@@ -81,7 +81,7 @@ impl Units {
         per_axis(&self.entry(table, stem, of)?, (low, MOST))
     }
 
-    /// Refuses what has a unit that does not belong to these sensors, or none; tells whether there is such a key.
+    /// Refuses keys with a wrong unit or without one; returns whether there is such a key.
     fn refuse_others(&self, table: &TomlTable<'_, '_>, known: &[(&str, Of)]) -> bool {
         let mut refused = false;
         for entry in table.unknown() {
@@ -99,7 +99,7 @@ impl Units {
                     "remove it; noise_factor makes the noise larger",
                 ),
             }
-            // It has been said what is wrong with it.
+            // Its mistake is already reported.
             table.entry(key.to_owned());
             refused = true;
         }
@@ -128,7 +128,7 @@ pub(super) struct TriadAsRead {
 }
 
 impl TriadAsRead {
-    /// What a file without the table has.
+    /// The values for a file without the table.
     fn good(model: TriadModel) -> Self {
         Self { model, faults: TriadFaults::default(), y_skew_us: 0.0 }
     }
@@ -176,7 +176,7 @@ fn model(table: &TomlTable<'_, '_>, units: &Units, default: TriadModel) -> Triad
     }
     model.bandwidth = bandwidth(table, model.bandwidth);
     model.update_rate_hz = table.number("update_rate_hz", (0.01, HIGHEST_HZ)).or(model.update_rate_hz);
-    // More than a thousandfold in seven kelvin is no noise of a sensor.
+    // A factor of more than a thousand in seven kelvin is not sensor noise.
     let noise_per_k = table.entry("noise_per_k").and_then(|entry| per_axis(&entry, (-1.0, 1.0)));
     model.noise_per_k = noise_per_k.map_or(model.noise_per_k, Vector3::from);
     model
@@ -193,7 +193,7 @@ fn bandwidth(table: &TomlTable<'_, '_>, default: Option<Bandwidth>) -> Option<Ba
     let cutoff_hz = match table.entry("bandwidth_hz") {
         None => default_hz,
         Some(entry) => match entry.number((0.0, HIGHEST_HZ)) {
-            // Zero takes the low-pass away.
+            // Zero removes the low-pass.
             Some(0.0) => None,
             Some(cutoff_hz) if cutoff_hz < 0.1 => {
                 entry.mistake(format!("bandwidth_hz is {cutoff_hz}"), "it may be 0, for none, or 0.1 to 100000");
@@ -220,7 +220,7 @@ fn faults(table: &TomlTable<'_, '_>, units: &Units) -> TriadFaults {
     let vector = |stem, of, low| Vector3::from(units.triple(table, stem, of, low).unwrap_or_default());
     let clip = |stem| {
         let entry = units.entry(table, stem, Of::Signal)?;
-        // An infinite limit is none.
+        // An infinite limit means no limit.
         Some((entry, Vector3::from(per_axis(&entry, (f64::NEG_INFINITY, f64::INFINITY))?)))
     };
     let clip_low = clip("clip_low").map_or(none.clip_low, |(_, low)| low);
@@ -279,7 +279,7 @@ fn spikes(table: &TomlTable<'_, '_>, units: &Units) -> Option<Spikes> {
     Some(Spikes { share: share?, size: size??, axis })
 }
 
-/// Reads of a chip, or of all on the bus, that fail.
+/// Failed reads of a chip, or of all chips on the bus.
 pub(super) fn failed_reads(table: &TomlTable<'_, '_>) -> Option<FailedReads> {
     let read = |table: &TomlTable<'_, '_>| {
         let share = required_number(table, "share", (0.0, 1.0));
@@ -297,7 +297,7 @@ pub(super) fn failed_reads(table: &TomlTable<'_, '_>) -> Option<FailedReads> {
     table.within("failed_reads", read).flatten()
 }
 
-/// What the module is shaken with.
+/// The vibrations of the module.
 pub(super) fn vibrations(root: &TomlTable<'_, '_>) -> [Vibration; MOST_VIBRATIONS] {
     let mut vibrations = [Vibration::default(); MOST_VIBRATIONS];
     for (place, table) in root.tables("vibration").into_iter().enumerate() {

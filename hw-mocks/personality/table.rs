@@ -5,7 +5,7 @@ use gnc_config::TomlTable;
 use super::checks::numbers;
 use crate::turntable::TableModel;
 
-/// A degree, beyond which it is no error of a table but another attitude.
+/// Largest error of a table: a degree. More would be another attitude and not an error.
 const MOST_ARCSEC: f64 = 3600.0;
 
 pub(super) fn turntable(table: &TomlTable<'_, '_>) -> TableModel {

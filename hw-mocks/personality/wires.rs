@@ -17,7 +17,7 @@ pub(super) fn can_wire(table: &TomlTable<'_, '_>) -> CanWireFaults {
     CanWireFaults { to_host, to_board }
 }
 
-/// Towards the host and towards the board: what stands for one direction stands for all of `both` there.
+/// Faults towards the host and towards the board. The table of one direction replaces all of `both` there.
 fn ways<T: Clone + Default>(table: &TomlTable<'_, '_>, read: impl Fn(&TomlTable<'_, '_>) -> T) -> (T, T) {
     let both = table.within("both", &read).unwrap_or_default();
     let (to_host, to_board) = (table.within("to_host", &read), table.within("to_board", &read));
@@ -29,7 +29,7 @@ fn share(table: &TomlTable<'_, '_>, key: &'static str) -> f64 {
     table.number(key, (0.0, 1e6)).unwrap_or(0.0)
 }
 
-/// What the queue of either kind of line does. Half of a pair does nothing.
+/// Faults of the queue, for both kinds of lines. One key of a pair alone does nothing.
 fn queue(table: &TomlTable<'_, '_>) -> QueueRates {
     for (share, time) in [("delayed_frames_per_million", "delay_ms"), ("stalled_frames_per_million", "stall_ms")] {
         needs(table, share, time);

@@ -1,20 +1,20 @@
-//! What people and signals ask of a run while it goes on: to stop, to pause, to give up one item.
+//! What people and signals ask of a run while it is under way: to stop, to pause, to give up one item.
 //!
-//! A [`RunControl`] is a handle that may be copied: whoever holds one asks, and the runner listens.
+//! A [`RunControl`] is a handle that may be copied. Each holder can ask, and the runner listens.
 
 use gnc_board::latest::Latest;
 use tokio::signal::unix::{SignalKind, signal};
 
-/// How often somebody asked for a stop, and who was the last.
+/// How often a stop was asked for, and who asked last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Asked {
-    /// 0: nobody; 1: in order; 2 and more: at once.
+    /// 0: not at all; 1: stop in order; 2 and more: stop at once.
     pub times: u32,
-    /// "ctrl-C", "SIGTERM", "SIGHUP", "the operator".
+    /// Who asked: "ctrl-C", "SIGTERM", "SIGHUP" or "the operator".
     pub by: &'static str,
 }
 
-/// Asks things of a run, and lets the runner hear of them.
+/// Passes requests of people and signals to the runner.
 #[derive(Debug, Clone)]
 pub struct RunControl {
     wanted: Latest<Wanted>,
@@ -24,7 +24,7 @@ pub struct RunControl {
 struct Wanted {
     stop: Asked,
     paused: bool,
-    /// Names of items that nobody waits for any more.
+    /// Names of items that the operator gave up.
     given_up: Vec<String>,
 }
 
@@ -39,7 +39,7 @@ impl RunControl {
     /// Takes over ctrl-C, SIGTERM and SIGHUP for the rest of the program: each asks for a stop.
     ///
     /// # Errors
-    /// The system does not let it.
+    /// The system does not allow it.
     pub fn from_signals() -> std::io::Result<Self> {
         let control = Self::default();
         let mut interrupt = signal(SignalKind::interrupt())?;
@@ -64,34 +64,34 @@ impl RunControl {
         self.wanted.change(|wanted| wanted.stop = Asked { times: wanted.stop.times + 1, by });
     }
 
-    /// Whether somebody asked for a stop.
+    /// How often a stop was asked for, and by whom.
     #[must_use]
     pub fn asked(&self) -> Asked {
         self.wanted.look(|wanted| wanted.stop)
     }
 
-    /// Waits until somebody has asked so many times.
+    /// Waits until a stop was asked for so many times.
     pub async fn asked_times(&self, times: u32) -> Asked {
         self.wanted.until(|wanted| wanted.stop.times >= times).await.stop
     }
 
-    /// Lets nothing new begin, or lets it again. What runs is not touched.
+    /// Pauses a run or resumes it. A pause lets nothing new begin; what runs goes on.
     pub fn pause(&self, paused: bool) {
         self.wanted.change(|wanted| wanted.paused = paused);
     }
 
-    /// Whether nothing new may begin. A stop ends a pause.
+    /// Whether a pause holds new items back. A stop ends a pause.
     #[must_use]
     pub(crate) fn is_paused(&self) -> bool {
         self.wanted.look(|wanted| wanted.paused && wanted.stop.times == 0)
     }
 
-    /// Waits until something may begin again, or somebody wants the run to end.
+    /// Waits until the pause is over or a stop is asked for.
     pub(crate) async fn resumed(&self) {
         self.wanted.until(|wanted| !wanted.paused || wanted.stop.times > 0).await;
     }
 
-    /// Gives up the attempt of this item that runs; the run goes on.
+    /// Gives up the attempt of this item that is under way; the run goes on.
     pub fn give_up(&self, item: &str) {
         self.wanted.change(|wanted| {
             if !wanted.given_up.iter().any(|name| name == item) {
@@ -100,12 +100,12 @@ impl RunControl {
         });
     }
 
-    /// A new attempt of this item begins: what was asked before is not meant for it.
+    /// Begins a new attempt of this item: earlier requests to give the item up do not apply to it.
     pub(crate) fn begin(&self, item: &str) {
         self.wanted.change(|wanted| wanted.given_up.retain(|name| name != item));
     }
 
-    /// Waits until somebody gives this item up.
+    /// Waits until this item is given up.
     pub(crate) async fn given_up(&self, item: &str) {
         self.wanted.until(|wanted| wanted.given_up.iter().any(|name| name == item)).await;
     }

@@ -1,4 +1,5 @@
-//! Whoever turns the module and flips the DIP switches: a person at a terminal or at the screen, or a device.
+//! The fixture of a bench turns the module and flips the DIP switches: a person at a terminal or at the screen, or a
+//! device.
 
 use std::fmt;
 use std::io::BufRead as _;
@@ -11,31 +12,31 @@ use tokio::sync::{Mutex, oneshot};
 
 use crate::recorder::Recorder;
 
-/// Lines typed ahead that are kept; more is somebody leaning on the keyboard.
+/// Bound on the lines typed ahead that are kept. More lines mean that a key is held down.
 const TYPED_AHEAD: usize = 16;
 
-/// Why the module was not turned, or a switch not flipped.
+/// Why the module was not turned or a switch not flipped.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum FixtureError {
-    /// The plan needs somebody and nobody is there.
+    /// The plan needs a person, and the bench has no operator.
     #[error("nobody is there to {what}")]
     Nobody {
         /// What was to be done.
         what: String,
     },
-    /// The operator said no.
+    /// The operator answered no.
     #[error("the operator could not {what}")]
     Refused {
         /// What was to be done.
         what: String,
     },
-    /// Whoever showed the question is gone.
+    /// The terminal or screen that showed the question is closed.
     #[error("the terminal was closed while waiting for somebody to {what}")]
     TerminalClosed {
         /// What was to be done.
         what: String,
     },
-    /// The fixture did not do it.
+    /// The fixture failed to do it.
     #[error("{name} could not {what}")]
     Fixture {
         /// The fixture.
@@ -45,7 +46,7 @@ pub(crate) enum FixtureError {
         /// Why, in its own words.
         source: DriverError,
     },
-    /// The turntable did not do it.
+    /// The turntable failed to do it.
     #[error("the turntable could not {what}")]
     Table {
         /// What was to be done.
@@ -53,7 +54,7 @@ pub(crate) enum FixtureError {
         /// Why, in its own words.
         source: DriverError,
     },
-    /// What was asked or answered could not be filed.
+    /// A question or an answer could not be written to the record.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
@@ -72,7 +73,7 @@ impl FixtureError {
     }
 }
 
-/// What somebody is asked to do.
+/// What a person is asked to do.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Ask {
     /// Set this DIP switch (1 to 5) to ON and all others to OFF, or all to OFF.
@@ -84,7 +85,7 @@ pub enum Ask {
     },
     /// Lay the module on the table.
     Lay(Orientation),
-    /// Turn the table, on which the module lies so.
+    /// Turn the table with the module on it.
     Turn {
         /// How the module was laid down.
         orientation: Option<Orientation>,
@@ -93,7 +94,7 @@ pub enum Ask {
         /// Time of the turn, ramps included, seconds.
         span_s: f64,
     },
-    /// Spin the table, on which the module lies so.
+    /// Spin the table with the module on it.
     Spin {
         /// How the module was laid down.
         orientation: Option<Orientation>,
@@ -102,7 +103,7 @@ pub enum Ask {
     },
     /// Bring the table to rest.
     StopTable,
-    /// What a plan wants in its own words.
+    /// A request of the plan in its own words.
     Words(String),
 }
 
@@ -127,32 +128,32 @@ impl fmt::Display for Ask {
     }
 }
 
-/// A question to somebody at a screen.
+/// A question to a person at a screen.
 #[derive(Debug)]
 pub struct OperatorQuestion {
     /// The item that needs it.
     pub item: String,
     /// What to do.
     pub ask: Ask,
-    /// Takes the answer: `false` is not possible. It is closed when nobody waits for one any more.
+    /// Takes the answer: `false` means not possible. It is closed when the answer is no longer awaited.
     pub answer: oneshot::Sender<bool>,
 }
 
 /// The fixture of a bench.
 #[derive(Debug)]
 pub enum Fixture {
-    /// Nobody.
+    /// No person and no device.
     Absent,
     /// A person who presses Enter.
     Operator(Operator),
     /// A person at the operator's screen.
     Screen(mpsc::Sender<OperatorQuestion>),
-    /// A turntable with a fixture on it does it by itself.
+    /// A turntable with a fixture on it, which needs no person.
     Driven(Arc<dyn Rig>),
 }
 
 impl Fixture {
-    /// Whether anybody is there.
+    /// Whether the bench has a fixture or an operator.
     #[must_use]
     pub fn is_there(&self) -> bool {
         !matches!(self, Self::Absent)
@@ -174,7 +175,7 @@ impl Fixture {
         self.ask(&Ask::Heading { deg: heading_deg }, recorder, |rig| rig.turn_to(heading_deg)).await
     }
 
-    /// Asks for something that a plan wants in its own words.
+    /// Asks for something in the words of the plan.
     ///
     /// # Errors
     /// As [`Fixture::only_switch`].
@@ -182,7 +183,7 @@ impl Fixture {
         self.request(&Ask::Words(what.to_owned()), recorder).await
     }
 
-    /// Asks for something that nobody does for a person.
+    /// Asks for something that the bench cannot do by itself.
     ///
     /// # Errors
     /// As [`Fixture::only_switch`].
@@ -239,7 +240,7 @@ impl Operator {
         std::thread::Builder::new().name("operator".into()).spawn(move || {
             for line in std::io::stdin().lock().lines() {
                 let Ok(line) = line else { break };
-                // What nobody waits for is thrown away: held back, it would answer a later question.
+                // Throw away a line that no question waits for: kept back, it would answer a later question.
                 if let Err(TrySendError::Closed(_)) = sender.try_send(line) {
                     break;
                 }
@@ -250,7 +251,7 @@ impl Operator {
 
     async fn wait(&self, what: &str) -> Result<String, FixtureError> {
         let mut lines = self.lines.lock().await;
-        // What was typed before the question is no answer to it.
+        // A line that was typed before the question does not answer it.
         while lines.try_recv().is_ok() {}
         match lines.recv().await {
             None => Err(FixtureError::TerminalClosed { what: what.to_owned() }),

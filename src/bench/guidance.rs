@@ -1,7 +1,8 @@
-//! What people see of an item that captures: how the module lies and turns, which capture of how many, and how long it
-//! still takes, and pictures that grow with the samples. Never for a verdict, and some of it is skipped.
+//! Guidance: what people see of an item that captures. It shows how the module lies and turns, which capture of how
+//! many is under way, how long it still takes, and pictures that grow with the samples. It never decides a verdict, and
+//! some of it may be skipped.
 //!
-//! All of it is worked out where the samples come by, in bounded time and room, and only where somebody watches.
+//! Guidance is worked out as the samples pass by, in bounded time and memory, and only if a person watches.
 
 pub mod allan;
 pub mod field;
@@ -19,9 +20,9 @@ use tokio::sync::watch;
 use allan::{AllanSoFar, AllanView};
 use field::{FieldSoFar, FieldView};
 
-/// How often it is handed on while samples come: a screen draws 30 times a second.
+/// Interval at which guidance is handed on while samples come. A screen draws 30 times a second.
 const EVERY: Duration = Duration::from_millis(50);
-/// How often its pictures are: an eye follows five steps a second, and an ellipse is fitted for each.
+/// Interval of the pictures. An eye follows five steps a second, and each picture needs a fit of an ellipse.
 const PICTURE_EVERY: Duration = Duration::from_millis(200);
 /// A still capture at least this long shows its Allan deviations; shorter ones end before a flat part is seen.
 const ALLAN_FROM_S: f64 = 600.0;
@@ -31,19 +32,19 @@ const ALLAN_FROM_S: f64 = 600.0;
 pub struct Guidance {
     /// All captures of the program, in its order.
     pub captures: Arc<[Planned]>,
-    /// How many of them are finished; the next one is at work, or comes.
+    /// How many of them are finished. The next one is under way or comes next.
     pub finished: usize,
-    /// How the module lies, once it was laid down.
+    /// How the module lies, once it is laid down.
     pub orientation: Option<Orientation>,
-    /// What goes on.
+    /// What happens now.
     pub stage: Stage,
-    /// Board time that the capture at work has taken.
+    /// Board time of the current capture so far.
     pub captured_s: f64,
-    /// Bench time of the steps that are over.
+    /// Bench time of the finished steps.
     pub done_s: f64,
     /// Bench time of all steps.
     pub whole_s: f64,
-    /// What the samples of the capture at work show so far, where they show something.
+    /// What the samples of the current capture show so far, if they make a picture.
     pub picture: Option<Picture>,
 }
 
@@ -67,36 +68,36 @@ pub struct Planned {
     pub span_s: f64,
 }
 
-/// What goes on.
+/// What happens now.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stage {
     /// The module is laid down.
     Laying,
-    /// Nothing moves for so long.
+    /// The module and table rest for a time before a capture.
     Settling {
         /// Bench time.
         span_s: f64,
     },
     /// Samples are taken.
     Capturing,
-    /// The table gets up to its rate.
+    /// The table speeds up to its rate.
     SpinningUp {
         /// Right-handed about the axis along the table's.
         rate_dps: f64,
     },
     /// The table comes to rest.
     Stopping,
-    /// The module is without power for so long.
+    /// The module is without power for a time.
     PoweredOff {
         /// Bench time.
         span_s: f64,
     },
-    /// All is captured, and the figures are worked out.
+    /// All captures are taken, and the figures are worked out.
     WorkingOut,
 }
 
 impl Guidance {
-    /// Nothing of the program is done yet.
+    /// The state at the start of a program.
     #[must_use]
     pub fn new(program: &MotionProgram) -> Self {
         let planned = |step: &MotionStep| {
@@ -115,7 +116,7 @@ impl Guidance {
         }
     }
 
-    /// A step is carried out from now on.
+    /// Begins a step.
     pub fn begin(&mut self, step: &MotionStep) {
         self.stage = match step {
             MotionStep::Lay(orientation) => {
@@ -130,32 +131,32 @@ impl Guidance {
         };
     }
 
-    /// A step is over, or what it captures is there already.
+    /// Ends a step, or passes over a step whose capture exists already.
     pub fn end(&mut self, step: &MotionStep) {
         self.finished += usize::from(step.about().is_some());
         self.captured_s = 0.0;
         self.done_s += step.span_s();
     }
 
-    /// The capture at work, or the one that comes.
+    /// The current capture, or the next one.
     #[must_use]
     pub fn present(&self) -> Option<&Planned> {
         self.captures.get(self.finished)
     }
 
-    /// Board time still to go in the capture at work.
+    /// Board time that the current capture still needs.
     #[must_use]
     pub fn capture_left_s(&self) -> f64 {
         self.present().map_or(0.0, |planned| (planned.span_s - self.captured_s).max(0.0))
     }
 
-    /// Bench time still to go in the program.
+    /// Bench time that the program still needs.
     #[must_use]
     pub fn left_s(&self) -> f64 {
         (self.whole_s - self.done_s - self.captured_s).max(0.0)
     }
 
-    /// Sense of the turn that is under way about the table's axis: positive right-handed about the module's axis there.
+    /// Sense of the current turn about the table's axis: positive is right-handed about the module's axis there.
     #[must_use]
     pub fn turn(&self) -> Option<f64> {
         let sense = match (self.stage, self.present().map(|planned| &planned.pose)) {
@@ -177,7 +178,7 @@ enum Collected {
 }
 
 impl Collected {
-    /// What the samples of a step are collected in; `None` where they show nothing that grows.
+    /// The collector for the samples of a step; `None` if they make no growing picture.
     fn of(step: &MotionStep) -> Option<Self> {
         match step {
             MotionStep::Capture { about, span_s, uses } => match (&about.pose, uses) {
@@ -206,7 +207,7 @@ impl Collected {
     }
 }
 
-/// Hands guidance on to whoever watches an item.
+/// Hands guidance on to those who watch an item.
 #[derive(Debug)]
 pub(crate) struct Guide {
     out: watch::Sender<Option<Arc<Guidance>>>,
@@ -214,7 +215,7 @@ pub(crate) struct Guide {
 }
 
 impl Guide {
-    /// One for an attempt, and where it can be watched. Pictures are made only if somebody looks at them.
+    /// Returns the guide of an attempt and the receiver to watch it. Pictures are made only if they are watched.
     #[must_use]
     pub(crate) fn new(watched: bool) -> (Self, watch::Receiver<Option<Arc<Guidance>>>) {
         let (out, seen) = watch::channel(None);
@@ -222,7 +223,7 @@ impl Guide {
     }
 }
 
-/// The way through a program, told step by step by whoever carries it out.
+/// The way through a program. The code that carries the program out reports each step.
 #[derive(Debug)]
 pub(crate) struct Course<'a> {
     lease: &'a BoardLease<'a>,
@@ -234,23 +235,23 @@ pub(crate) struct Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// Nothing of the program is done yet.
+    /// The state at the start of a program.
     pub(crate) fn new(program: &MotionProgram, lease: &'a BoardLease<'a>, guide: &'a Guide) -> Self {
         Self { lease, guide, now: Guidance::new(program), collected: None, handed_on: None, drawn: None }
     }
 
-    /// A step is carried out from now on.
+    /// Begins a step.
     pub(crate) fn begins(&mut self, step: &MotionStep) {
         self.now.begin(step);
         self.collected = Collected::of(step).filter(|_| self.guide.watched);
         if self.collected.is_some() {
-            // Until then the picture of the capture before stays in sight.
+            // The picture of the previous capture stays in sight until a new picture begins.
             self.now.picture = None;
         }
         self.hand_on(true);
     }
 
-    /// Samples of the capture at work.
+    /// Takes samples of the current capture.
     pub(crate) fn took(&mut self, samples: &[ImuSample]) {
         let Some(collected) = &mut self.collected else { return };
         collected.take(samples);
@@ -261,13 +262,13 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// The capture at work has so much board time.
+    /// The current capture has so much board time.
     pub(crate) fn captured(&mut self, span_s: f64) {
         self.now.captured_s = span_s;
         self.hand_on(false);
     }
 
-    /// A step is over, or what it captures is there already.
+    /// Ends a step, or passes over a step whose capture exists already.
     pub(crate) fn ended(&mut self, step: &MotionStep) {
         if let Some(collected) = self.collected.take() {
             self.now.picture = Some(collected.look());
@@ -319,7 +320,7 @@ mod tests {
         }
     }
 
-    /// By hand: 10 s of settling, 60 s of capture, a turn of 3 s with 1 s of stillness on both sides.
+    /// Worked out by hand: 10 s of settling, 60 s of capture, a turn of 3 s with 1 s of stillness before and after.
     #[test]
     fn what_is_done_and_what_is_still_to_go() {
         let program = program();
@@ -336,7 +337,7 @@ mod tests {
         now.end(&program.steps[2]);
         now.begin(&program.steps[3]);
         assert_eq!((now.finished, now.left_s(), now.turn()), (1, 5.0, Some(-1.0)));
-        // A turn that takes longer than it should leaves nothing to go, and never less.
+        // After a turn that takes too long the remaining time is 0 and not negative.
         now.captured_s = 9.0;
         assert_eq!((now.capture_left_s(), now.left_s()), (0.0, 0.0));
         now.end(&program.steps[3]);

@@ -1,5 +1,5 @@
-//! The one place from which events of a run come: numbered, timed, folded, and on their way to the record before
-//! anybody else hears of them.
+//! The only source of the events of a run. The journal numbers, times and folds each event, and passes it to the record
+//! before others hear of it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -15,26 +15,26 @@ pub struct RunJournal {
     writer: RecordWriter,
     state: Arc<Mutex<RunState>>,
     began: Instant,
-    /// The date of the beginning, where dates go by the run's own clock and not by the computer's.
+    /// The date of the beginning, if dates follow the run's own clock and not the computer's.
     dated: Option<DateTime<FixedOffset>>,
 }
 
 impl RunJournal {
-    /// A journal whose first event is due.
+    /// A journal without events.
     #[must_use]
     pub fn new(writer: RecordWriter) -> Self {
         let state = writer.state();
         Self { writer, state, began: Instant::now(), dated: None }
     }
 
-    /// A journal that begins at this date and counts on from there by the run's clock, whatever the computer's calendar
-    /// says: for runs that must repeat.
+    /// A journal that begins at this date and counts on by the run's clock, independent of the computer's calendar. It
+    /// is for runs that must repeat.
     #[must_use]
     pub fn dated(writer: RecordWriter, began: DateTime<FixedOffset>) -> Self {
         Self { dated: Some(began), ..Self::new(writer) }
     }
 
-    /// The date after so long.
+    /// The date after this time since the beginning.
     fn date(&self, elapsed_us: u64) -> DateTime<FixedOffset> {
         match self.dated {
             Some(began) => began + TimeDelta::microseconds(elapsed_us.cast_signed()),
@@ -42,15 +42,15 @@ impl RunJournal {
         }
     }
 
-    /// Emits an event. Those after which a record must be believable (an item's or the run's end) come back only
-    /// when they are on disk.
+    /// Emits an event. After the end of an item or of the run the record must be believable: for these events the call
+    /// returns only when they are on disk.
     ///
     /// # Errors
     /// [`StoreError`] when this or an earlier event could not be written.
     pub async fn emit(&self, kind: EventKind) -> Result<(), StoreError> {
         let must_be_on_disk = matches!(kind, EventKind::ItemEnded { .. } | EventKind::RunEnded { .. });
-        // First a place, then the number: whoever is dropped while waiting takes no number with him, and events
-        // reach the record in the order of their numbers.
+        // First a place, then the number: a caller that is dropped while it waits takes no number, and events reach the
+        // record in the order of their numbers.
         let place = self.writer.place().await?;
         let written = {
             let mut state = self.lock();

@@ -1,7 +1,7 @@
-//! The bench at work: turntables and fixtures, a procedure for each item, and the runner that follows a plan.
+//! Runs plans on a bench: turntables and fixtures, a procedure for each item, and the runner that follows a plan.
 //!
-//! Procedures measure and never judge. Only the runner acts, and it passes an event on only after the record has it. The
-//! crate knows no command line and no screen: these ask the [`service`] and watch.
+//! Procedures measure and never judge. Only the runner acts, and it passes an event on only after the record has it.
+//! The crate does not know the command line and the screen: they call the [`service`] and watch.
 
 pub mod control;
 pub mod fixture;

@@ -1,4 +1,4 @@
-//! One procedure for each item of the table: it asks the board, measures and reports. It never judges.
+//! One procedure for each item of the table. A procedure asks the board, measures and reports. It never judges.
 
 mod ad;
 mod calibration;
@@ -41,28 +41,28 @@ pub(crate) use start::ModuleSeen;
 pub(crate) struct ProcedureContext<'a> {
     /// The slave board.
     pub board: &'a BoardLease<'a>,
-    /// Whoever turns the module and flips switches.
+    /// Turns the module and flips switches.
     pub fixture: &'a Fixture,
     /// Where the bench stands, if its file says so.
     pub site: Option<&'a BenchSite>,
-    /// The bench's CAN bus, where the conversation does not go over it anyway.
+    /// The bench's CAN bus, unless the conversation with the board uses it.
     pub can: Option<&'a CanTarget>,
     /// The module of the run.
     pub module: &'a ModuleSeen,
-    /// What the items that ended before this attempt found, in the order of the plan, each with its name.
+    /// Findings of the items that ended before this attempt, in the order of the plan, each with its name.
     pub earlier: Vec<(String, Findings)>,
-    /// The run whose captures are taken over; a second attempt captures anew.
+    /// The earlier run whose captures are taken over; a second attempt captures anew.
     pub resumed: Option<&'a Resumed>,
     /// Tells people how far captures are.
     pub guide: &'a Guide,
-    /// Whether the host's clock runs as the board's world does.
+    /// Whether the host's clock runs at the pace of the board's world.
     pub host_clock: HostClock,
 }
 
 /// Runs the procedure of an item.
 ///
 /// # Errors
-/// [`ProcedureError`] when it came to no end; what was measured up to then is filed.
+/// [`ProcedureError`] if the procedure did not finish; what was measured up to then is filed.
 pub(crate) async fn run(
     item: ItemId,
     bench: &ProcedureContext<'_>,

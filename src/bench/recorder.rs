@@ -20,7 +20,7 @@ pub(crate) enum ReadBackError {
     /// The file is damaged or gone.
     #[error(transparent)]
     Captures(#[from] CapturesError),
-    /// Reading broke down: a mistake in this program.
+    /// The task that reads broke down: a mistake in this program.
     #[error("reading the captures back broke down")]
     Broken(#[source] tokio::task::JoinError),
 }
@@ -64,12 +64,12 @@ impl<'a> Recorder<'a> {
         *self.repeat.borrow_mut() = repeat;
     }
 
-    /// What was measured, and what the last round's analysis found.
+    /// The measurements, and what the last round's analysis found.
     pub(crate) fn into_measured(self) -> (Vec<Measurement>, Option<Findings>) {
         (self.measured.into_inner(), self.findings.into_inner())
     }
 
-    /// A number in a unit.
+    /// Files a number in a unit.
     ///
     /// # Errors
     /// The record could not be written.
@@ -77,7 +77,7 @@ impl<'a> Recorder<'a> {
         self.file(measurement.name, &Value::number(value, unit)).await
     }
 
-    /// A count.
+    /// Files a count.
     ///
     /// # Errors
     /// The record could not be written.
@@ -85,7 +85,7 @@ impl<'a> Recorder<'a> {
         self.file(measurement.name, &Value::count(count)).await
     }
 
-    /// A text.
+    /// Files a text.
     ///
     /// # Errors
     /// The record could not be written.
@@ -93,7 +93,7 @@ impl<'a> Recorder<'a> {
         self.file(measurement.name, &Value::text(text)).await
     }
 
-    /// What this bench cannot tell, and why.
+    /// Files that this bench cannot measure a value, and why.
     ///
     /// # Errors
     /// The record could not be written.
@@ -101,7 +101,7 @@ impl<'a> Recorder<'a> {
         self.file(measurement.name, &Value::NotAvailable(why.to_owned())).await
     }
 
-    /// A value as it is.
+    /// Files a value without conversion.
     ///
     /// # Errors
     /// The record could not be written.
@@ -109,7 +109,7 @@ impl<'a> Recorder<'a> {
         self.file(measurement.name, value).await
     }
 
-    /// A sentence for the log.
+    /// Writes a sentence to the log.
     ///
     /// # Errors
     /// The record could not be written.
@@ -127,7 +127,7 @@ impl<'a> Recorder<'a> {
         self.journal.raw(&self.item.name, self.attempt, repeat).await
     }
 
-    /// What another item of this run captured, in its last attempt.
+    /// The captures of another item of this run, from its last attempt.
     ///
     /// # Errors
     /// Its raw samples cannot be read.
@@ -137,13 +137,13 @@ impl<'a> Recorder<'a> {
             (position, state.rows().get(position).map_or(1, |row| row.attempts.len()))
         });
         let path = captures::path(self.journal.folder(), position, item, u32::try_from(attempt).unwrap_or(1), 1);
-        // Beside the conversation with the board, which must not wait for a disk.
+        // Read on another thread: the conversation with the board must not wait for a disk.
         let read = tokio::task::spawn_blocking(move || captures::read(&path)).await;
         let record = read.map_err(ReadBackError::Broken)??;
         Ok(record.captures)
     }
 
-    /// The module's supply was switched; microvolts and microamperes as the board measures them.
+    /// Files that the module's supply was switched; microvolts and microamperes as the board measures them.
     ///
     /// # Errors
     /// The record could not be written.
@@ -180,7 +180,7 @@ impl<'a> Recorder<'a> {
         self.journal.emit(EventKind::Found { item, attempt, details }).await
     }
 
-    /// Somebody is asked to do something.
+    /// Files that a person is asked to do something.
     ///
     /// # Errors
     /// The record could not be written.
@@ -189,7 +189,7 @@ impl<'a> Recorder<'a> {
         self.journal.emit(EventKind::Prompted { item, text: what.to_owned() }).await
     }
 
-    /// Somebody did it.
+    /// Files the answer.
     ///
     /// # Errors
     /// The record could not be written.

@@ -1,5 +1,5 @@
-//! The only doer: it follows a plan on a bench, several items at once where they share nothing, and emits what
-//! happens.
+//! The runner follows a plan on a bench and emits what happens. It alone acts. Items that share no resource run at
+//! once.
 
 mod attempt;
 mod connection;
@@ -44,11 +44,11 @@ use connection::connect;
 use recovery::{session_lives, spoilt};
 use verdict::judge;
 
-/// Items that run at once. Of the four requests that a board takes at once one is left for a second request of one
-/// item, or for reading error records.
+/// Items that run at once. A board takes four requests at once. One of them is left for a second request of an item, or
+/// for reading error records.
 const AT_ONCE: usize = 3;
 
-/// A run that was ordered.
+/// An order for a run.
 #[derive(Debug)]
 pub(crate) struct RunOrder {
     /// The plan on this bench.
@@ -59,22 +59,22 @@ pub(crate) struct RunOrder {
     pub target: Target,
     /// The bench's CAN bus, if it has one.
     pub can: Option<CanTarget>,
-    /// Whoever turns the module.
+    /// Turns the module and flips switches.
     pub fixture: Fixture,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
-    /// The run that is taken up again.
+    /// The earlier run that is taken up again.
     pub resumed: Option<Resumed>,
-    /// One item after the other, also where they could run at once.
+    /// Runs one item after the other, even if they could run at once.
     pub one_by_one: bool,
-    /// The number of the first session with the board, from which the next ones count on, so that a run repeats; by
-    /// chance if not given.
+    /// The number of the first session with the board; the next ones count on from there, so that a run repeats. Random
+    /// if not given.
     pub nonce: Option<u32>,
     /// What was found in the records folder before the run began, for its log.
     pub found: Vec<String>,
 }
 
-/// What people watch while a run goes on; some of it may be skipped.
+/// What people watch while a run is under way; some of it may be skipped.
 #[derive(Debug, Clone, Default)]
 pub struct Live {
     /// The items that run.
@@ -105,7 +105,7 @@ pub struct Ending {
     pub outcome: Outcome,
     /// Why the record could not be written.
     pub store_error: Option<StoreError>,
-    /// Whether any item was begun: a bench without a board is no better in the next round.
+    /// Whether any item was begun: without a board, the next round would not be better.
     pub begun: bool,
 }
 
@@ -131,7 +131,7 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
     live.doing.send_replace(Vec::new());
     let begun = journal.look(|state| state.rows().iter().any(|row| !row.attempts.is_empty()));
     let closed = journal.close().await;
-    // Of two errors the one of the thread that writes is the cause.
+    // If both fail, the error of the writing thread is the cause.
     match closed.and(ended) {
         Ok(outcome) => Ending { outcome, store_error: None, begun },
         Err(error) => Ending { outcome: Outcome::Errored, store_error: Some(error), begun },
@@ -143,35 +143,35 @@ struct Run<'a> {
     journal: &'a RunJournal,
     control: &'a RunControl,
     live: &'a Live,
-    /// Begun with the board so far.
+    /// Number of sessions that were begun with the board.
     sessions: Cell<u32>,
     /// Error records of the board's session that were read already.
     records_read: Cell<u16>,
-    /// Those of items that still run.
+    /// Error records of items that still run.
     unfiled: RefCell<Vec<ErrorRecord>>,
     link_lost: Cell<bool>,
-    /// Set by the order, or once nobody knows whose request restarts the board.
+    /// Set by the order, or as soon as it is unclear whose request restarts the board.
     one_by_one: Cell<bool>,
-    /// The board restarted while several requests ran, and no item was found to be the cause.
+    /// The board restarted while several requests ran, and the cause was not found.
     unexplained_restart: Cell<bool>,
     /// Board time of each item by its position, for the critical path.
     busy: RefCell<HashMap<usize, Duration>>,
-    /// What the last attempt of an item found, by its position.
+    /// Findings of the last attempt of each item, by its position.
     findings: RefCell<BTreeMap<usize, Findings>>,
-    /// Since when nothing runs because of a pause.
+    /// Time since which a pause keeps all items from running.
     paused_since: Cell<Option<Instant>>,
     module: ModuleSeen,
 }
 
-/// How an attempt came to its end.
+/// How an attempt ended.
 enum End {
     Done(Result<(), ProcedureError>),
     Stopped(Asked),
-    /// Somebody gave this item up, and wants the run to go on.
+    /// The operator gave this item up and wants the run to go on.
     GivenUp,
 }
 
-/// An attempt that came to its end.
+/// An attempt that has ended.
 struct Landed {
     position: usize,
     attempt: u32,
@@ -201,19 +201,19 @@ impl Run<'_> {
         }
         let mut outcome = self.journal.look(RunState::outcome_so_far);
         if self.unexplained_restart.get() {
-            // Something in this module or this bench restarts the board now and then: nobody can call that a pass.
+            // Something in this module or this bench restarts the board now and then: that must not pass.
             let text = "the board restarted and no item was found to be the cause, so nothing can be said of the module; \
                         run the plan again with --one-by-one";
             self.note(NoteLevel::Error, text.into(), None).await?;
             outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
         }
-        // The digests vouch for whole files.
+        // The digests cover complete files only.
         self.journal.raw_files_ended().await;
         self.journal.emit(EventKind::RunEnded { outcome }).await?;
         Ok(outcome)
     }
 
-    /// Everything but the first and the last event. Teardown is always reached, also when the record fails.
+    /// Everything but the first and the last event. Teardown is always reached, even if the record fails.
     async fn body(&self) -> Result<(), StoreError> {
         let Some(board) = self.find_board().await? else { return Ok(()) };
         let worked = match self.begin(&board).await {
@@ -225,7 +225,7 @@ impl Run<'_> {
         worked.and(safe)
     }
 
-    /// `None`: there is none, or nobody wants it any more.
+    /// Returns the board; `None`: there is no board, or a stop was asked for.
     async fn find_board(&self) -> Result<Option<BoardClient>, StoreError> {
         let connected = tokio::select! {
             biased;
@@ -242,13 +242,13 @@ impl Run<'_> {
         Ok(None)
     }
 
-    /// Says who the board is and switches the module on. `false`: it could not, or nobody wants it any more.
+    /// Files who the board is and switches the module on. `false`: it could not, or a stop was asked for.
     async fn begin(&self, board: &BoardClient) -> Result<bool, StoreError> {
         self.found(board).await?;
         self.power_on(board, None).await
     }
 
-    /// Starts what may start, files what came to its end, until nothing is left.
+    /// Starts the items that may start and files the attempts that have ended, until all are done.
     async fn items(&self, board: &BoardClient) -> Result<(), StoreError> {
         let mut flight = Flight::new();
         loop {
@@ -273,7 +273,7 @@ impl Run<'_> {
         self.critical_path().await
     }
 
-    /// Starts what may start. `true`: a pause holds the next item back.
+    /// Starts the items that may start. `true`: a pause holds the next item back.
     async fn launch<'b>(&'b self, board: &'b BoardClient, flight: &mut Flight<'b>) -> Result<bool, StoreError> {
         loop {
             let asked = self.control.asked();
@@ -294,8 +294,8 @@ impl Run<'_> {
                     self.go_on().await?;
                     self.control.begin(&item.name);
                     self.journal.emit(EventKind::ItemStarted { item: item.name.clone(), attempt }).await?;
-                    // What has ended by now counts, and nothing that ends before the attempt is first polled: so it is when
-                    // the run is worked out again.
+                    // Findings count if they ended by now; those that end before the attempt is first polled do not. A
+                    // recomputation of the run follows the same rule.
                     let earlier = self.earlier();
                     flight.push(self.attempt(board, position, item, attempt, earlier).boxed_local());
                 }
@@ -306,7 +306,7 @@ impl Run<'_> {
         }
     }
 
-    /// Says once that nothing runs because of a pause.
+    /// Files once that a pause keeps all items from running.
     async fn paused(&self, nothing_runs: bool) -> Result<(), StoreError> {
         if !nothing_runs || self.paused_since.get().is_some() {
             return Ok(());
@@ -315,7 +315,7 @@ impl Run<'_> {
         self.note(NoteLevel::Info, "paused: nothing new begins until somebody lets the run go on".into(), None).await
     }
 
-    /// Says how long a pause was.
+    /// Files how long a pause was.
     async fn go_on(&self) -> Result<(), StoreError> {
         let Some(since) = self.paused_since.take() else { return Ok(()) };
         self.note(NoteLevel::Info, format!("went on after a pause of {:.1} s", since.elapsed().as_secs_f64()), None)
@@ -327,7 +327,7 @@ impl Run<'_> {
         self.journal.emit(EventKind::ItemEnded { item: item.name.clone(), outcome, cause }).await
     }
 
-    /// Files an attempt that came to its end, and deals with its trouble.
+    /// Files an attempt that has ended, and handles its error.
     async fn land<'b>(
         &'b self,
         board: &'b BoardClient,
@@ -349,7 +349,7 @@ impl Run<'_> {
             }
             End::Done(Err(ref trouble)) if !session_lives(trouble) => self.lost_session(board, landed, flight).await,
             End::Done(Err(ProcedureError::Board(ref error))) if error.is_crowded() && !flight.is_empty() => {
-                // The line carries each of them, but not both.
+                // The line can carry each item alone, but not both at once.
                 self.one_by_one.set(true);
                 let name = self.order.job.item(landed.position).map(|item| item.name.as_str());
                 let text = "it did not fit on the line beside what else ran: from here on one item after the other";
@@ -378,7 +378,7 @@ impl Run<'_> {
         self.journal.emit(EventKind::AttemptEnded { item, attempt, outcome, error }).await
     }
 
-    /// What the table would take at least, by the board's own durations, beside what it took.
+    /// Files the least time that the table could take, by the board's own durations, beside the time that it took.
     async fn critical_path(&self) -> Result<(), StoreError> {
         if self.one_by_one.get() {
             return Ok(());
@@ -403,7 +403,7 @@ impl Run<'_> {
         self.note(NoteLevel::Info, text, None).await
     }
 
-    /// For what the runner itself asks of the board.
+    /// A lease for requests of the runner itself.
     fn own_desk<'b>(&self, board: &'b BoardClient) -> BoardLease<'b> {
         BoardLease::new(board, watch::channel(Advance::default()).0)
     }
@@ -421,7 +421,7 @@ impl Run<'_> {
         self.end_open_items().await
     }
 
-    /// Every item that was begun comes to an end in the record.
+    /// Gives every item that was begun an end in the record.
     async fn end_open_items(&self) -> Result<(), StoreError> {
         let open: Vec<(String, u32, Option<Outcome>)> = self.journal.look(|state| {
             let begun = state.rows().iter().filter(|row| !row.is_over() && !row.attempts.is_empty());

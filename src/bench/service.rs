@@ -1,8 +1,9 @@
-//! The one service that carries out runs. `--auto`, the screen, the campaign and tests ask it; nothing else begins a run.
+//! The only service that carries out runs. `--auto`, the screen, the campaign and tests use it; nothing else begins a
+//! run.
 //!
 //! A face opens the bench and gives a checked plan. The service judges whether they fit, opens the records, takes up an
-//! earlier run, runs the rounds and ends them. It reads no plan and no bench file: what was checked is what runs, in every
-//! round.
+//! earlier run, runs the rounds and ends them. It reads no plan file and no bench file: each round runs exactly the
+//! plan that was checked.
 
 mod plan;
 
@@ -30,10 +31,10 @@ use crate::runner::{self, Ending, Live, RunOrder};
 
 pub use plan::CheckedPlan;
 
-/// The bench on which runs are carried out, ready to be used.
+/// The bench that carries out runs, ready to use.
 #[derive(Debug)]
 pub struct Equipment {
-    /// Which station this is.
+    /// The name of this station.
     pub station: String,
     /// The folder of all records.
     pub records: PathBuf,
@@ -47,36 +48,36 @@ pub struct Equipment {
     pub can: Option<CanTarget>,
     /// What the bench can do.
     pub abilities: BenchAbilities,
-    /// What turns the module and flips its switches.
+    /// Turns the module and flips its switches.
     pub fixture: Fixture,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
 }
 
-/// A run that is asked for, or several rounds of it.
+/// A request for a run or for several rounds of it.
 #[derive(Debug, Clone)]
 pub struct RunRequest {
     /// The plan, as it was checked.
     pub plan: CheckedPlan,
     /// The module's serial number.
     pub serial_number: String,
-    /// Who tests.
+    /// The person who tests.
     pub operator: Option<String>,
     /// Names of the chosen items; `None` for the whole plan.
     pub selection: Option<Vec<String>>,
-    /// The program that asks.
+    /// The program that makes the request.
     pub program: ProgramVersion,
-    /// What a bad item means, whatever the plan says. [`OnFail::Stop`] also ends the rounds.
+    /// What the run does after a bad item, in place of the plan's own setting. [`OnFail::Stop`] also ends the rounds.
     pub on_fail: Option<OnFail>,
     /// How often the plan is run.
     pub rounds: Rounds,
-    /// Folder of the run that is taken up again. Such a run is one round.
+    /// Folder of the earlier run that is taken up again. Such a run is one round.
     pub resume: Option<PathBuf>,
-    /// Runs one item after the other, also where items could run at once.
+    /// Runs one item after the other, even if they could run at once.
     pub one_by_one: bool,
-    /// Number of the first session with the board, from which the next ones count on; by chance if not given.
+    /// Number of the first session with the board, from which the next ones count on; random if not given.
     pub nonce: Option<u32>,
-    /// The date at which a run begins that must repeat. Dates then follow the run's own clock, and its record is written
+    /// The date at which a repeatable run begins. Dates then follow the run's own clock, and its record is written
     /// without a thread, so that this clock never waits for the disk.
     pub began: Option<DateTime<FixedOffset>>,
 }
@@ -84,16 +85,16 @@ pub struct RunRequest {
 /// How often a plan is run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rounds {
-    /// One run, which is no loop.
+    /// One run without a loop.
     Once,
     /// So many rounds of a loop.
     Count(u32),
-    /// Rounds of a loop until this time is over. A round under way is finished.
+    /// Rounds of a loop until this time is over. The current round is finished.
     For(Duration),
 }
 
 impl Rounds {
-    /// How a run names its round.
+    /// The loop entry that a run files for its round.
     fn looped(self, index: u32) -> Option<Loop> {
         match self {
             Self::Once => None,
@@ -147,7 +148,7 @@ impl ServiceError {
         match self {
             Self::Resume(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
-            // Each mistake has its own hint.
+            // Each mistake in these errors has its own hint.
             Self::Unfit(_) | Self::Observer(_) => "",
         }
     }
@@ -156,7 +157,7 @@ impl ServiceError {
 /// How the rounds ended.
 #[derive(Debug)]
 pub struct RunsDone {
-    /// The outcome of each round, at least of one. A round that could not be begun is errored.
+    /// The outcome of each round; there is at least one. A round that could not be begun is errored.
     pub outcomes: Vec<Outcome>,
     /// Why the last round was not begun.
     pub refused: Option<ServiceError>,
@@ -172,8 +173,8 @@ impl RunsDone {
 
 /// Carries out a request: one run, or rounds until one of them ends the loop.
 ///
-/// The rounds end early after a stop, after a run that began no item, after a record that could not be written, and after
-/// a bad round if the request says so.
+/// The rounds end early after a stop, after a run that began no item, after a record that could not be written, and
+/// after a bad round if the request says so.
 ///
 /// # Errors
 /// [`ServiceError`]: nothing was run, and the module had no power.
@@ -209,7 +210,7 @@ pub async fn run(
     Ok(RunsDone { outcomes, refused: None })
 }
 
-/// What stays the same from round to round.
+/// The parts that stay the same from round to round.
 struct Ready {
     order: RunOrder,
     records: PathBuf,
@@ -256,7 +257,7 @@ impl Ready {
         let Self { order, records, key } = self;
         let plan = order.job.plan();
         let at = dated.unwrap_or_else(|| Local::now().fixed_offset());
-        // Before power-on, so that no module is tested whose record cannot be kept.
+        // Create the folder before power-on, so that a module is not tested without a place for its record.
         let folder = RunFolder::create(records, at, &order.header.serial_number, &plan.name)?.signed_with(key.clone());
         let path = folder.path().to_owned();
         let watchers = vec![observer.begin(&path).map_err(ServiceError::Observer)?];
@@ -265,7 +266,7 @@ impl Ready {
             None => RunJournal::new(RecordWriter::start(folder, plan, watchers)?),
         };
         let ending = runner::run(order, journal, control, live).await;
-        // What was found before the first round is said in its log alone.
+        // Only the log of the first round mentions what was found before it.
         order.found.clear();
         observer.end(&path, &ending).await;
         Ok(ending)

@@ -1,5 +1,5 @@
-//! Turntables: what lays the module down, turns it by an angle and spins it. The operator with a table of his own, or
-//! one that is driven.
+//! Turntables: they lay the module down, turn it by an angle and spin it. A turntable is an operator with a manual
+//! table, or a driven table.
 //!
 //! Every motion returns when it is done, and the module is still again unless it spins. Time goes by the bench's clock.
 
@@ -19,20 +19,21 @@ use driven::Driven;
 pub(crate) trait Turntable {
     /// Lays the module down.
     fn lay(&self, orientation: Orientation) -> TurntableMotion<'_>;
-    /// Turns it about the table's axis by an angle in a time, right-handed about the module's axis that was laid along it.
+    /// Turns the module about the table's axis by an angle in a time, right-handed about the module's axis that was
+    /// laid along it.
     fn rotate(&self, angle_deg: f64, span_s: f64) -> TurntableMotion<'_>;
     /// Begins to spin about the table's axis and returns when the rate is reached.
     fn spin(&self, rate_dps: f64) -> TurntableMotion<'_>;
-    /// Brings whatever moves to rest.
+    /// Brings everything that moves to rest.
     fn stop(&self) -> TurntableMotion<'_>;
     /// Lets time pass at the bench.
     fn pause(&self, span: Duration) -> TurntableMotion<'_>;
 }
 
-/// A motion under way. Dropping it does not end it: that takes a stop.
+/// A motion under way. Dropping it does not end the motion: that takes a stop.
 pub(crate) type TurntableMotion<'a> = LocalBoxFuture<'a, Result<(), FixtureError>>;
 
-/// The turntable of a bench; what it does for people to see is filed in the recorder.
+/// The turntable of a bench. The recorder files what it does for people to see.
 #[must_use]
 pub(crate) fn of<'a>(fixture: &'a Fixture, recorder: &'a Recorder<'a>) -> Box<dyn Turntable + 'a> {
     match fixture {
@@ -41,19 +42,19 @@ pub(crate) fn of<'a>(fixture: &'a Fixture, recorder: &'a Recorder<'a>) -> Box<dy
     }
 }
 
-/// Stops the table of a bench at once, whoever used it. An operator at a table of his own has its emergency stop.
+/// Stops the table of a bench at once, whoever used it. A manual table has its own emergency stop.
 pub(crate) fn stop_at_once(fixture: &Fixture) {
     if let Fixture::Driven(rig) = fixture {
-        // A table that does not answer moves nothing that could be stopped from here.
+        // If the table does not answer, the station has no other way to stop it.
         let _ = rig.stop();
     }
 }
 
-/// A person with a table of his own.
+/// A person with a manual table.
 struct ByHand<'a> {
     fixture: &'a Fixture,
     recorder: &'a Recorder<'a>,
-    /// How the module was laid down last: a picture of a turn shows it.
+    /// How the module was laid down last. The picture of a turn shows it.
     orientation: Cell<Option<Orientation>>,
 }
 
@@ -83,7 +84,7 @@ impl Turntable for ByHand<'_> {
 
     fn pause(&self, span: Duration) -> TurntableMotion<'_> {
         Box::pin(async move {
-            // A real bench's clock is the wall's.
+            // A real bench goes by wall time.
             tokio::time::sleep(span).await;
             Ok(())
         })

@@ -1,7 +1,7 @@
-//! Records: the journal of a run, its raw captures, digests and chain, and the report and the passport made of them.
+//! Records: the journal of a run, its raw captures, digests and chain, and the report and passport made from them.
 //!
-//! No other crate opens a file in the records folder. This one knows no board and no link: events and samples come in, files
-//! go out, and files are read back.
+//! No other crate opens a file in the records folder. This crate knows no board and no link: it takes events and
+//! samples, writes files, and reads files back.
 
 pub mod passport;
 pub mod raw;

@@ -1,9 +1,9 @@
-//! The sensor passport of a module: its content, from what the items found. Pure.
+//! The sensor passport of a module: its content, computed from what the items found, without I/O.
 //!
-//! Key names are the published ones (document 5 of the module's specification); what they mean, which the source leaves
-//! open, stands in `docs/passport.schema.json`. What was not measured is null, never a guess.
+//! The key names are the published ones (document 5 of the module's specification). The source does not say what they
+//! mean; `docs/passport.schema.json` does. A value that was not measured is null, never a guess.
 //!
-//! [`of_run`] says which runs have one, `xml` writes it as XML with the same content.
+//! [`of_run`] decides which runs have a passport; `xml` writes it as XML with the same content.
 
 mod of_run;
 mod xml;
@@ -15,16 +15,16 @@ use serde::{Deserialize, Serialize};
 pub use of_run::{NoPassport, of_run};
 pub use xml::{XmlError, xml};
 
-/// The passport for programs, in a run's folder.
+/// The passport for programs: its file name in a run's folder.
 pub const PASSPORT: &str = "passport.json";
-/// The same content as XML.
+/// The passport as XML, with the same content: its file name in a run's folder.
 pub const PASSPORT_XML: &str = "passport.xml";
 
-/// Who was calibrated where, when and by what.
+/// Where a calibration comes from: who or what calibrated, when, and by which plan.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
-    /// Start of the run that calibrated, RFC 3339.
+    /// Start of the calibration run, RFC 3339.
     pub date: String,
     /// The station and its slave board.
     pub means: String,
@@ -36,11 +36,11 @@ pub struct Origin {
     pub plan_sha256: String,
     /// Verdict of the run: passed or marginal.
     pub outcome: String,
-    /// A simulated bench is no evidence about any module.
+    /// Whether the bench was simulated. A simulated calibration is not evidence about any module.
     pub simulated: bool,
-    /// The run whose raw record was judged again by this plan; null where this run captured by itself.
+    /// The run whose raw record was judged again by this plan; null if this run captured the samples itself.
     pub recomputed_from: Option<String>,
-    /// The run that broke off and whose captures were taken over.
+    /// The interrupted run whose captures were taken over.
     pub resumed_from: Option<String>,
     /// SHA-256 of the lines of SHA256SUMS for all files but the papers.
     pub record_sha256: String,
@@ -58,7 +58,7 @@ pub struct Passport {
     pub accel: PassportAccel,
     /// Gyroscopes.
     pub gyro: Gyro,
-    /// Magnetometer; null where it was not calibrated.
+    /// Magnetometer; null if it was not calibrated.
     pub magnetometer: Option<Mag>,
     /// How the axes of the coefficients lie in the module.
     pub alignment: Alignment,
@@ -78,7 +78,7 @@ pub struct Conditions {
     /// Supply at the socket.
     #[serde(rename = "supply_V")]
     pub supply_v: Option<f64>,
-    /// Conditions of vibration and shock tests (IEC 60068-2-6, -2-64, ISO 16063-31); null where there were none.
+    /// Conditions of vibration and shock tests (IEC 60068-2-6, -2-64, ISO 16063-31); null without such tests.
     pub vibration_and_shock: Option<String>,
 }
 
@@ -89,7 +89,7 @@ pub struct PassportAccel {
     /// Measured over nominal scale; rows are sensors, columns axes.
     #[serde(rename = "M_a")]
     pub response: [[f64; 3]; 3],
-    /// Measured less true.
+    /// Bias: measured less true.
     #[serde(rename = "b_a_mg")]
     pub bias_mg: [f64; 3],
     /// Change with temperature.
@@ -106,7 +106,7 @@ pub struct PassportAccel {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TempCoeff {
-    /// Null until temperature cycles were run.
+    /// Null until temperature cycles are run.
     #[serde(rename = "b_a_mg_per_C")]
     pub bias_mg_per_c: Option<[f64; 3]>,
 }
@@ -118,13 +118,13 @@ pub struct Gyro {
     /// Measured over nominal scale; rows are sensors, columns axes.
     #[serde(rename = "M_g")]
     pub response: [[f64; 3]; 3],
-    /// Measured less true.
+    /// Bias: measured less true.
     #[serde(rename = "b_g_dps")]
     pub bias_dps: [f64; 3],
     /// Each gyroscope's largest g-sensitivity with its sign.
     #[serde(rename = "K_g_dps_per_g")]
     pub per_g_dps: [f64; 3],
-    /// All of it; rows are sensors, columns axes.
+    /// The full g-sensitivity; rows are sensors, columns axes.
     #[serde(rename = "K_g_full_dps_per_g")]
     pub per_g_full_dps: [[f64; 3]; 3],
     /// Allan coefficient N, worst axis.
@@ -133,35 +133,36 @@ pub struct Gyro {
     /// White level of the one-sided spectrum of each axis.
     #[serde(rename = "noise_density_dps_per_sqrtHz")]
     pub density_dps_per_sqrt_hz: Option<[f64; 3]>,
-    /// Flat part / 0.664, worst axis; null where an axis shows none.
+    /// Flat part of the Allan deviation / 0.664, worst axis; null if an axis shows no flat part.
     pub bias_instability_dph: Option<f64>,
 }
 
-/// How the axes of the coefficients lie in the module. The coefficients are relative to the axes of the table on which the
-/// module was calibrated; its seat is mounted on that table with a small rotation.
+/// How the axes of the coefficients lie in the module. The coefficients are relative to the axes of the table on which
+/// the module was calibrated. The seat of the module is mounted on that table with a small rotation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Alignment {
-    /// Rotation vector from the table's axes to those of the seat; null where nobody measured it.
+    /// Rotation vector from the table's axes to those of the seat; null if it was not measured.
     pub mounting_deg: Option<[f64; 3]>,
     /// Standard uncertainty of the mounting about each axis.
     pub mounting_u_deg: Option<f64>,
-    /// Departures of the angles between the accelerometers' own axes xy, xz, yz from 90 degrees, whatever the seat.
+    /// Departures of the angles between the accelerometers' own axes xy, xz, yz from 90 degrees, independent of the
+    /// seat.
     pub nonorthogonality_accel_ppm: [f64; 3],
-    /// The same of the gyroscopes.
+    /// The same for the gyroscopes.
     pub nonorthogonality_gyro_ppm: [f64; 3],
 }
 
-/// Expanded uncertainty of the compensated output at zero input, worst axis, and where it comes from.
+/// Expanded uncertainty of the compensated output at zero input, worst axis, with its budget.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PassportUncertainty {
-    /// Coverage factor of both.
+    /// Coverage factor of both uncertainties.
     pub k: f64,
-    /// Of the accelerometers.
+    /// Expanded uncertainty of the accelerometers.
     #[serde(rename = "U_accel_mg")]
     pub accel_mg: f64,
-    /// Of the gyroscopes.
+    /// Expanded uncertainty of the gyroscopes.
     #[serde(rename = "U_gyro_dps")]
     pub gyro_dps: f64,
     /// The budget of every figure of the calibration.
@@ -172,24 +173,24 @@ pub struct PassportUncertainty {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PassportBudget {
-    /// The item of the plan that measured it.
+    /// The item of the plan that measured the figure.
     pub item: String,
-    /// The figure, as the record calls it.
+    /// Name of the figure in the record.
     pub figure: String,
     /// Unit of `u` and `U`.
     pub unit: String,
     /// Combined standard uncertainty.
     pub u: f64,
-    /// Effective degrees of freedom; null stands for infinite.
+    /// Effective degrees of freedom; null means infinite.
     pub dof: Option<f64>,
-    /// Coverage factor; null where there is none.
+    /// Coverage factor; null if there is none.
     pub k: Option<f64>,
     /// Expanded uncertainty `k u`.
     #[serde(rename = "U")]
     pub expanded: Option<f64>,
     /// Probability of the interval of `U`.
     pub probability: f64,
-    /// What it is combined from.
+    /// The contributions that it combines.
     pub contributions: Vec<ContributionDetails>,
 }
 

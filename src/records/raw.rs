@@ -1,7 +1,7 @@
-//! Raw captures as MCAP: what the sensors said, readable for decades without this program.
+//! Raw captures as MCAP: the samples of the sensors, readable for decades without this program.
 //!
 //! A file holds one attempt of an item. Messages are protobuf, each schema with its `FileDescriptorSet`
-//! (`docs/raw.proto` says the same for people); times are the board's own clock in nanoseconds.
+//! (`docs/raw.proto` has the same for people); times are the board's own clock in nanoseconds.
 //!
 //! | topic | message | one for each |
 //! | --- | --- | --- |

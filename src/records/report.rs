@@ -1,7 +1,7 @@
 //! The report of a run as one HTML page: no network, no script, printable, to be read by people.
 //!
-//! A pure function of the record. Everything in it from outside (serial numbers, answers of boards, plans) goes
-//! through `markup::Text`, so that no text can become markup.
+//! A pure function of the record. All text from outside (serial numbers, answers of boards, plans) goes through
+//! `markup::Text`, so that it cannot become markup.
 
 mod calibration;
 mod details;
@@ -26,11 +26,11 @@ use markup::SvgPage;
 /// Name of the report in a run's folder.
 pub const REPORT: &str = "report.html";
 
-/// The report. `passport` is that of the run, or why it has none; `digests` are those of the files of the record that the
-/// report stands beside: name and SHA-256.
+/// Writes the report. `passport` is that of the run, or the reason why it has none. `digests` are those of the files in
+/// the record that the report describes: name and SHA-256.
 ///
 /// # Errors
-/// What `out` says.
+/// The error of `out`.
 pub fn html(
     out: &mut dyn io::Write,
     record: &RunRecord,
@@ -103,7 +103,7 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
     page.close("table");
 }
 
-/// The rules by which coverage intervals counted in this run; `None` where no value had one.
+/// The rules by which this run used coverage intervals; `None` if no value had an interval.
 fn decision_rule(record: &RunRecord) -> Option<String> {
     let attempts = record.items.iter().flat_map(|item| &item.attempts);
     let used: Vec<Decision> =
@@ -121,7 +121,7 @@ fn decision_rule(record: &RunRecord) -> Option<String> {
     (!words.is_empty()).then(|| format!("{}{both}", words.join("; or ")))
 }
 
-/// What is not good first: nobody should have to look for it.
+/// Lists everything that is not good first, so that a reader finds it at once.
 fn what_decided(page: &mut SvgPage, record: &RunRecord) {
     let bad: Vec<&ItemRecord> = record.items.iter().filter(|item| is_bad(item.outcome)).collect();
     if bad.is_empty() {
@@ -264,7 +264,7 @@ fn word(outcome: Outcome) -> &'static str {
     if outcome == Outcome::NotRun { "not run" } else { outcome.as_str() }
 }
 
-/// The class by which the style sheet colours it; the word always stands beside.
+/// The class by which the style sheet colours an outcome; the word always stands beside it.
 fn class(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Passed => "passed",
@@ -276,7 +276,7 @@ fn class(outcome: Outcome) -> &'static str {
     }
 }
 
-/// A number as people read it: six significant digits, and no more zeros than it has.
+/// A number for people: six significant digits without trailing zeros.
 fn number(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();

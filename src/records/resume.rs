@@ -1,8 +1,9 @@
-//! `--resume RUN`: a run that broke off is taken up again; what it captured whole is taken over.
+//! `--resume RUN`: takes up an interrupted run again and takes over its complete captures.
 //!
-//! Only captures are: what needs no more than seconds is run again. Everything must be as it was: plan, chosen items, serial
-//! number, bench, and at the board its firmware and the calibration that the module keeps. A run that ended with a verdict on
-//! the module did not break off: its captures are of the module as it was then, and the next run makes its own.
+//! Only captures are taken over: items that need only seconds run again. Everything must be unchanged: plan, chosen
+//! items, serial number, bench, the board's firmware and the calibration that the module stores. A run that ended with
+//! a verdict on the module was not interrupted. Its captures show the module as it was then, so the next run makes its
+//! own.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,35 +20,35 @@ use crate::store::{self, DIGESTS, JOURNAL, digest};
 /// Why a run cannot be taken up again.
 #[derive(Debug, thiserror::Error)]
 pub enum ResumeError {
-    /// There is no such run, or its journal is damaged.
+    /// The run does not exist, or its journal is damaged.
     #[error("the run to take up again cannot be read")]
     Unreadable(#[source] ReadError),
-    /// Something is not as it was.
+    /// A condition has changed.
     #[error("the run to take up again had {what} {was}, this one has {is}")]
     Unlike {
-        /// What.
+        /// The condition.
         what: &'static str,
-        /// There.
+        /// Its value in the earlier run.
         was: String,
-        /// Here.
+        /// Its value now.
         is: String,
     },
-    /// It did not break off.
+    /// The run was not interrupted.
     #[error("the run to take up again ended: {}", .0.as_str())]
     Ended(Outcome),
-    /// It ended, and nothing shows that it is as it was written.
+    /// The run ended, but without digests its files cannot be checked.
     #[error("the run to take up again ended, and its {DIGESTS} is missing")]
     Unsealed,
-    /// Another station carries it out at this moment.
+    /// Another station is carrying out the run now.
     #[error("the run to take up again goes on")]
     GoesOn,
-    /// A file of a closed run is not as it was written.
+    /// A file of a closed run was changed.
     #[error("the run to take up again is not as it was written: {what}")]
     Changed {
-        /// In which way.
+        /// The change.
         what: String,
     },
-    /// Its raw samples cannot be read.
+    /// The raw samples of the run cannot be read.
     #[error(transparent)]
     Captures(#[from] CapturesError),
 }
@@ -68,8 +69,7 @@ impl ResumeError {
     }
 }
 
-/// What the run that is to begin must have in common with the one that is taken up, as far as it is known without a
-/// board.
+/// The properties that the new run must share with the earlier one, as far as they are known without a board.
 #[derive(Debug, Clone, Copy)]
 pub struct Like<'a> {
     /// SHA-256 of the plan with all that it includes.
@@ -83,7 +83,7 @@ pub struct Like<'a> {
 }
 
 impl<'a> Like<'a> {
-    /// That of a run with this header.
+    /// The properties of a run with this header.
     #[must_use]
     pub fn header(header: &'a RunHeader) -> Self {
         Self {
@@ -95,19 +95,19 @@ impl<'a> Like<'a> {
     }
 }
 
-/// A run that broke off.
+/// An interrupted run.
 #[derive(Debug, Clone)]
 pub struct Resumed {
     folder: PathBuf,
     journal_sha256: String,
     firmware: Option<String>,
     calibration: Option<String>,
-    /// Items that were begun: position in the plan, name, last attempt.
+    /// Items that had begun: position in the plan, name, last attempt.
     begun: Vec<(usize, String, u32)>,
 }
 
 impl Resumed {
-    /// Reads a run and holds it against the one that is to begin.
+    /// Reads a run and compares it with the new one.
     ///
     /// # Errors
     /// [`ResumeError`].
@@ -131,7 +131,7 @@ impl Resumed {
             Some(_) if !reader::is_sealed(folder) => return Err(ResumeError::Unsealed),
             _ => {}
         }
-        // A run that was stopped in order is closed, and its digests vouch for it.
+        // A run that was stopped in order is closed, so its digests are checked.
         if folder.join(DIGESTS).exists()
             && let Some(what) = reader::verify(folder).into_iter().next()
         {
@@ -156,19 +156,19 @@ impl Resumed {
         })
     }
 
-    /// How the new run names it.
+    /// The entry by which the new run names the earlier one.
     #[must_use]
     pub fn earlier(&self) -> EarlierRun {
         let run = self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
         EarlierRun { run, journal_sha256: self.journal_sha256.clone() }
     }
 
-    /// Whether board and module are as they were.
+    /// Checks that the board's firmware and the module's calibration are unchanged.
     ///
     /// # Errors
     /// [`ResumeError::Unlike`].
     pub fn fits(&self, firmware: Option<&str>, calibration: Option<&str>) -> Result<(), ResumeError> {
-        // A run that broke off before it found a board has no captures either.
+        // A run that was interrupted before it found a board has no captures either.
         if let Some(was) = &self.firmware {
             same("the firmware", was, firmware.unwrap_or("none"))?;
             let was = self.calibration.as_deref().unwrap_or("unknown");
@@ -177,10 +177,10 @@ impl Resumed {
         Ok(())
     }
 
-    /// What an item captured whole, in order; nothing if it was not begun.
+    /// The complete captures of an item, in order; empty if the item had not begun.
     ///
     /// # Errors
-    /// Its raw samples are damaged.
+    /// The raw samples of the item are damaged.
     pub fn captures(&self, item: &str) -> Result<Vec<Capture>, ResumeError> {
         let Some((position, name, attempt)) = self.begun.iter().find(|(_, name, _)| name == item) else {
             return Ok(Vec::new());
@@ -206,7 +206,7 @@ fn items(selection: Option<&[String]>) -> String {
     selection.map_or_else(|| "of the whole plan".to_owned(), |names| names.join(", "))
 }
 
-/// Which module in which world; how fast its time goes is no part of it.
+/// Names the simulated module and its world; the speed of its time does not matter.
 fn bench(bench: &BenchInfo) -> String {
     format!("{:?} {}", bench.kind, bench.personality.as_deref().unwrap_or_default()).trim().to_lowercase()
 }

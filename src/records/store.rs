@@ -1,7 +1,7 @@
-//! The records folder. Nobody else touches it.
+//! The records folder. Only this crate opens files in it.
 //!
-//! A run has a folder `DATE/SERIAL/TIME-PLAN`. Its journal is written as things happen and synced at the end of each
-//! item, and so are raw samples, one file for each attempt that captures; everything else is made from the journal at
+//! A run has a folder `DATE/SERIAL/TIME-PLAN`. Its journal is written while events happen and synced at the end of each
+//! item. So are the raw samples, one file for each attempt that captures. Everything else is made from the journal at
 //! the end, and a list of digests closes the folder.
 
 pub mod captures;
@@ -37,9 +37,9 @@ pub(crate) const ITEM: &str = "item.json";
 pub(crate) const LOG: &str = "log.txt";
 /// Digests of all other files, in the form that `sha256sum -c` reads.
 pub const DIGESTS: &str = "SHA256SUMS";
-/// The station's signature of the digests, where it has a key.
+/// The station's signature of the digests, if the station has a key.
 pub(crate) const SIGNATURE: &str = "SHA256SUMS.sig";
-/// Papers made from the record; the digest of the record that the passport names leaves them out.
+/// Papers made from the record. The record digest in the passport leaves them out.
 pub(crate) const PAPERS: [&str; 3] = [crate::passport::PASSPORT, crate::passport::PASSPORT_XML, crate::report::REPORT];
 /// The plan as run, and what it includes.
 pub const PLAN: &str = "plan";
@@ -47,14 +47,14 @@ pub const PLAN: &str = "plan";
 /// Why a record could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// A file or folder.
+    /// Access to a file or folder failed.
     #[error("cannot {what} {}", path.display())]
     File {
-        /// "write", "create".
+        /// The action: "write", "create".
         what: &'static str,
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
     /// An event could not be turned into text: a mistake in this program.
@@ -63,13 +63,13 @@ pub enum StoreError {
     /// The passport could not be turned into text: a mistake in this program.
     #[error("the passport cannot be written")]
     Passport(#[from] crate::passport::XmlError),
-    /// The runner emitted an event that cannot follow: a mistake in this program.
+    /// The runner emitted an event that cannot follow the one before: a mistake in this program.
     #[error("the run's events are out of order")]
     OutOfOrder(#[source] OutOfOrder),
-    /// The thread that writes has ended.
+    /// The writing thread has ended.
     #[error("the record is closed: {why}")]
     Closed {
-        /// The first error, or why.
+        /// The first error, or another cause.
         why: String,
     },
 }
@@ -92,12 +92,12 @@ impl StoreError {
     }
 }
 
-/// The folder of an item below a run's, by its position in the plan from 0.
+/// The folder of an item within a run's folder, by its position in the plan from 0.
 pub(crate) fn item_folder(position: usize, item: &str) -> String {
     format!("{:02}-{}", position + 1, folder::folder_name(item))
 }
 
-/// The raw samples of an attempt below the folder of its item; rounds within it have files of their own.
+/// The raw samples of an attempt within the folder of its item; each round within it has its own file.
 pub(crate) fn raw_file(attempt: u32, repeat: u32) -> String {
     match repeat {
         1 => format!("attempt-{attempt}.mcap"),
@@ -105,10 +105,10 @@ pub(crate) fn raw_file(attempt: u32, repeat: u32) -> String {
     }
 }
 
-/// Attaches a path to what the system says.
+/// Attaches a path to an error of the system.
 ///
 /// # Errors
-/// [`StoreError::File`], where `result` is an error.
+/// [`StoreError::File`] if `result` is an error.
 pub fn on<T>(result: io::Result<T>, what: &'static str, path: &Path) -> Result<T, StoreError> {
     result.map_err(|source| StoreError::File { what, path: path.to_owned(), source })
 }

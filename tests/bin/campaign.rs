@@ -1,6 +1,6 @@
 //! A campaign of seeded runs: modules x faults of the line x stops x cables pulled out.
 //!
-//! Exit code 0: nothing was found; 1: violations, each told with the command that repeats it; 2: usage.
+//! Exit code 0: no violations; 1: violations, each with the command that repeats it; 2: usage.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -11,30 +11,30 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory as _, Parser};
 use gnc_tests::campaign::{AT_ONCE, Campaign, Judged, Kept, Over, carry_out, table};
 
-/// Runs the functional plan on simulated benches, each drawn from the seed: a good module is never failed, a bad one never
-/// passed, no run outlives its bound, and every loss is counted where it happened.
+/// Runs the functional plan on simulated benches, each drawn from the seed. A good module never fails, a bad one never
+/// passes, no run exceeds its time, and every loss is counted where it happened.
 #[derive(Debug, Parser)]
 #[command(name = "campaign")]
 struct Args {
-    /// How many.
+    /// Number of runs.
     #[arg(long, default_value_t = 2000)]
     runs: u64,
-    /// Of all chance.
+    /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// This one alone.
+    /// Makes only the run of this number.
     #[arg(long, value_name = "NUMBER", conflicts_with = "runs")]
     only: Option<u64>,
-    /// Where station and bench meet.
+    /// The way between station and bench.
     #[arg(long, value_enum, default_value_t = Over::Memory)]
     over: Over,
-    /// In memory: makes each twice; it must be the same run.
+    /// In memory: makes each run twice and checks that both are the same.
     #[arg(long)]
     twice: bool,
-    /// Runs at once.
+    /// Number of concurrent runs.
     #[arg(long, default_value_t = AT_ONCE)]
     at_once: usize,
-    /// Where the records of runs that disappoint are kept, and that of --only in any case.
+    /// Folder for the records of runs with violations, and for the record of --only in any case.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
 }
@@ -56,7 +56,7 @@ fn main() -> ExitCode {
     };
     let total = campaign.runs.end - campaign.runs.start;
     let began = Instant::now();
-    // Whoever closed the terminal needs no table.
+    // A closed terminal needs no table.
     let mut out = std::io::stdout();
     let _ = writeln!(out, "seed {}, {total} runs", campaign.seed);
     let told = |count: usize, judged: &Judged| {

@@ -1,10 +1,9 @@
-//! This repository's ISO-TP as a program, for peers that others wrote: whatever message comes under one id goes back
-//! under another.
+//! This repository's ISO-TP as a program, for foreign peers. It sends each message of one id back under another.
 //!
 //!     isotp-under-test IDS [BLOCK_SIZE ST_MIN]            on a pseudo-terminal as an slcan adapter; names it: port PATH
 //!     isotp-under-test IDS [BLOCK_SIZE ST_MIN] INTERFACE  on a CAN interface of the kernel
 //!
-//! IDS is RECEIVE:SEND in hexadecimal. It ends with its standard input.
+//! IDS is RECEIVE:SEND in hexadecimal. The program ends when its standard input ends.
 
 #![expect(clippy::print_stdout, reason = "the port is its answer")]
 
@@ -24,7 +23,7 @@ use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::unistd::ttyname;
 use socketcan::{CanSocket, EmbeddedFrame as _, Id, Socket as _, StandardId};
 
-/// Longest sleep without a look at what is due.
+/// Longest sleep without a look at due events.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 fn main() -> ExitCode {
@@ -58,14 +57,14 @@ fn run(arguments: &[String]) -> io::Result<()> {
     echo(&mut bus, ids, settings)
 }
 
-/// The two state machines, fed with what the bus brings.
+/// The two state machines, fed with the frames of the bus.
 fn echo(bus: &mut Bus, (from, to): (u16, u16), settings: FlowSettings) -> io::Result<()> {
     let (mut sender, mut receiver) = (IsoTpSender::<MAX_PDU>::default(), IsoTpReceiver::<MAX_PDU>::new(settings));
     let (began, to) = (Instant::now(), CanId::Standard(to));
     let send = |bus: &mut Bus, data: &[u8]| CanFrame::new(to, data).map_or(Ok(()), |frame| bus.send(&frame));
     loop {
         let now = began.elapsed();
-        // Nothing is given up here, however late a busy machine is: the peer waits, and is the one to complain.
+        // There are no timeouts here, however late a busy machine is: the peer has its own timeouts.
         while let Some(data) = sender.poll(now) {
             send(bus, &data)?;
         }
@@ -181,7 +180,7 @@ impl Bus {
     }
 }
 
-/// The transmit queue takes no more just now.
+/// Whether the transmit queue is full now.
 fn is_full(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::WouldBlock || error.raw_os_error() == Some(Errno::ENOBUFS as i32)
 }

@@ -1,5 +1,6 @@
-//! Stops and cables pulled out at random moments of runs of a good module on a clean line: how long until the run has
-//! ended and the module is off. Prints the figures with their bounds; one run at a time, since they are times.
+//! Stops the station or pulls out cables at random moments of runs of a good module on a clean line. It measures how
+//! long it takes until the run has ended and the module is off, and prints the figures with their bounds. Only one run
+//! at a time, since the figures are times.
 
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -8,20 +9,20 @@ use std::time::Duration;
 use clap::Parser;
 use gnc_tests::campaign::{Case, Disturbance, Link, Over, Ran, run, violations};
 
-/// Of a live link: the module is off so soon after a stop.
+/// Bound for a live link: time from a stop until the module is off.
 const SAFE_LIVE_MS: f64 = 300.0;
-/// Of a dead one: the station has ended so soon.
+/// Bound for a dead link: time until the station has ended.
 const ENDED_DEAD_MS: f64 = 300.0;
-/// Of a dead one: the board's own watchdog has switched the module off so soon.
+/// Bound for a dead link: time until the board's own watchdog has switched the module off.
 const SAFE_DEAD_MS: f64 = 2000.0;
 
-/// Disturbs so many runs of each kind.
+/// Disturbs this many runs of each kind.
 #[derive(Debug, Parser)]
 struct Args {
-    /// Stops, and cables pulled out.
+    /// Number of runs with a stop, and of runs with a cable pulled out.
     #[arg(long, default_value_t = 100)]
     count: u64,
-    /// Of all chance.
+    /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -29,7 +30,7 @@ struct Args {
 fn main() -> ExitCode {
     let args = Args::parse();
     let mut out = std::io::stdout();
-    // Whoever closed the terminal needs no figures.
+    // A closed terminal needs no figures.
     let _ = writeln!(out, "seed {}", args.seed);
     let mut bad = 0;
     for (disturbance, name) in
@@ -44,7 +45,7 @@ fn main() -> ExitCode {
                 let _ = writeln!(out, "VIOLATION {name} {number}: {violation}");
             }
             let Ran { since_disturbed, off_since_disturbed, .. } = ran;
-            // A run that ended before was not disturbed.
+            // A run that ended before the disturbance does not count.
             if let Some((ended, off)) = since_disturbed.zip(off_since_disturbed) {
                 times[0].push(ms(ended));
                 times[1].push(ms(off));

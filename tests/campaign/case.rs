@@ -1,4 +1,4 @@
-//! What a run of a campaign is made of, drawn from the campaign's seed and the run's number.
+//! The parts of a campaign's run, drawn from the campaign's seed and the run's number.
 
 use std::fmt::Write as _;
 use std::time::Duration;
@@ -9,16 +9,16 @@ use rand_chacha::ChaCha8Rng;
 
 use super::run::Over;
 
-/// Events of a run of the functional plan, about: a disturbance comes at one of them.
+/// Approximate number of events in a run of the functional plan. A disturbance comes at one of them.
 const EVENTS: u32 = 160;
-/// A disturbance comes so much later than its event, at most: several items are in flight, each waiting for something.
+/// Longest delay of a disturbance after its event: several items are in flight, and each waits for an answer.
 const LATER_US: u32 = 4000;
-/// Longest time between two things that happen.
+/// Longest time between two actions.
 const BETWEEN_MS: u32 = 600;
-/// A computer is suspended for up to so many times that: the board's watchdog waits for less than two seconds.
+/// Factor on that time for the suspension of a computer: the board's watchdog waits for less than two seconds.
 const SUSPENDED: u32 = 10;
 
-/// A fault of the line: its key in a board's file, its rates from mild to harsh, and how long it lasts where it takes
+/// A fault of the line: its key in a board's file, its rates from mild to harsh, and the duration of faults that take
 /// time.
 struct Fault {
     key: &'static str,
@@ -54,7 +54,7 @@ const CAN_WIRE: [Fault; 8] = [
     fault("babbled_frames_per_million", 30.0, 5e4),
 ];
 
-/// Over which link the station speaks with the board.
+/// The link over which the station speaks with the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Link {
     /// RS-422, with a CAN bus beside it for the item that tests it.
@@ -63,22 +63,22 @@ pub enum Link {
     Can,
 }
 
-/// What somebody does in mid-run.
+/// A disturbance during the run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Disturbance {
     /// Nothing.
     None,
-    /// Asks for a stop, in order; and `again` after some time, at once.
+    /// Asks for a stop in order. After the time `again` it asks for a stop at once.
     Stop {
-        /// The second time.
+        /// Time until the second request.
         again: Option<Duration>,
     },
-    /// Suspends the computer for so long: its clock stands, the board's goes on, and what the board says nobody hears.
-    /// In memory alone; nobody can do that to half of a program.
+    /// Suspends the computer for this time: its clock stands still and the board's goes on. Messages of the board are
+    /// lost meanwhile. Only in memory, since half of a program cannot be suspended.
     Suspend(Duration),
-    /// Pulls out the cable of the conversation; `back` after some time it is plugged in again.
+    /// Pulls out the cable of the conversation; after the time `back` it is plugged in again.
     Unplug {
-        /// When it comes back.
+        /// Time until it is plugged in again.
         back: Option<Duration>,
     },
 }
@@ -86,21 +86,21 @@ pub enum Disturbance {
 /// One run of a campaign.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Case {
-    /// Of the campaign.
+    /// Seed of the campaign.
     pub seed: u64,
-    /// Of the run.
+    /// Number of the run.
     pub number: u64,
     /// The module's file.
     pub board: &'static str,
-    /// The way of the conversation.
+    /// The link of the conversation.
     pub link: Link,
-    /// The line's faults as tables of a board's file; empty for a clean line.
+    /// The line's faults as tables of a board's file; empty if the line is clean.
     pub faults: String,
     /// Names of those faults.
     pub kinds: Vec<&'static str>,
-    /// What happens in mid-run.
+    /// The disturbance during the run.
     pub disturbance: Disturbance,
-    /// After how many events, and how much later.
+    /// The number of events before it, and its delay after the last of them.
     pub moment: (u64, Duration),
 }
 
@@ -110,7 +110,7 @@ impl Case {
     pub fn drawn(seed: u64, number: u64) -> Self {
         let mut dice = ChaCha8Rng::seed_from_u64(seed);
         dice.set_stream(number);
-        // Half of the modules are good, or most runs would test the same handful of failures.
+        // Half of the modules are good; otherwise most runs would test the same few failures.
         let good = dice.random_bool(0.5);
         let pool: Vec<&(&str, &str)> = boards().iter().filter(|(_, text)| is_good(text) == good).collect();
         let (board, text) = *pool[dice.random_range(0..pool.len())];
@@ -126,7 +126,7 @@ impl Case {
     /// The seed of bench and line.
     #[must_use]
     pub fn bench_seed(&self) -> u64 {
-        // Any number does; that of the run alone would make all campaigns alike.
+        // The run's number alone would make all campaigns alike.
         self.seed.rotate_left(32) ^ self.number
     }
 
@@ -137,7 +137,7 @@ impl Case {
         format!("{text}\n{}", self.faults)
     }
 
-    /// What repeats it.
+    /// The command that repeats the run.
     #[must_use]
     pub fn command(&self, over: Over) -> String {
         let Self { seed, number, .. } = self;
@@ -150,14 +150,14 @@ fn is_good(text: &str) -> bool {
     text.lines().skip_while(|line| *line != "[expect.functional]").nth(1) == Some("outcome = \"passed\"")
 }
 
-/// Its line has faults already, by which its expectation came about.
+/// Whether the file has faults of the line already, which its expectation includes.
 fn has_line_of_its_own(text: &str) -> bool {
     text.lines().any(|line| line.starts_with("[wire") || line.starts_with("[can_wire"))
 }
 
 fn drawn_faults(link: Link, dice: &mut ChaCha8Rng) -> (String, Vec<&'static str>) {
     let count = [0, 1, 1, 1, 2, 3][dice.random_range(0..6)];
-    // On RS-422 the bus that is tested beside it may be the faulty one.
+    // On RS-422 the CAN bus that the item tests may be the faulty line.
     let on_can = link == Link::Can || dice.random_bool(0.2);
     let (table, all): (_, &[Fault]) = if on_can { ("can_wire", &CAN_WIRE) } else { ("wire", &WIRE) };
     let way = ["both", "to_host", "to_board"][dice.random_range(0..3)];
@@ -169,7 +169,7 @@ fn drawn_faults(link: Link, dice: &mut ChaCha8Rng) -> (String, Vec<&'static str>
             continue;
         }
         kinds.push(*key);
-        // Even in the logarithm; several faults together are milder each.
+        // Uniform in the logarithm; several faults together are milder each.
         let harshness = dice.random::<f64>() / f64::from(count).sqrt();
         let _ = writeln!(text, "{key} = {:.3}", rates.0 * (rates.1 / rates.0).powf(harshness));
         if let Some((key, shortest, longest)) = time {

@@ -1,4 +1,4 @@
-//! What must hold of every run, whatever the line did and whoever pulled a cable.
+//! Conditions that hold for every run, whatever the faults of the line and the disturbances.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use hw_mocks::{Expectation, LineTruth, Personality, Toll};
 use super::case::{Case, Disturbance, Link};
 use super::run::Ran;
 
-/// Faults that take frames away, or give them twice, and do nothing else.
+/// Faults that only lose or double frames.
 const SPOILS_ALONE: [&str; 5] = [
     "lost_bytes_per_million",
     "lost_frames_per_million",
@@ -17,15 +17,15 @@ const SPOILS_ALONE: [&str; 5] = [
     "cut_frames_per_million",
     "doubled_frames_per_million",
 ];
-/// Frames that the board may say between the station's last look at the line and the end of the run: heartbeats.
+/// Most frames that the board may send between the station's last look at the line and the end of the run: heartbeats.
 const BEHIND_THE_END: u64 = 2;
 
-/// A board that hears the station makes the module safe so soon after a stop.
+/// Time after a stop within which a board that hears the station makes the module safe.
 const SAFE_AFTER_A_STOP: Duration = Duration::from_millis(300);
-/// One that does not has a watchdog.
+/// Time within which the watchdog makes the module safe, if the board does not hear the station.
 const SAFE_BY_WATCHDOG: Duration = Duration::from_secs(2);
 
-/// What is not as it should be; empty if all is.
+/// The violations of a run; empty if there are none.
 #[must_use]
 pub fn violations(case: &Case, ran: &Ran) -> Vec<String> {
     let mut found: Vec<String> = ran.problems.clone();
@@ -49,11 +49,12 @@ pub fn violations(case: &Case, ran: &Ran) -> Vec<String> {
     found
 }
 
-/// Never against a good module, never for a bad one; on a clean line that nobody touched, exactly as expected.
+/// Checks the verdicts: a good module never fails and a bad one never passes. An undisturbed run on a clean line ends
+/// exactly as expected.
 fn verdicts(case: &Case, record: &RunRecord, expected: &Expectation, found: &mut Vec<String>) {
     for item in &record.items {
         let is_bad = expected.items.contains(&item.name);
-        // A bad module whose fault is in the line says nothing of the item.
+        // If the fault of a bad module is in the line, it says nothing about the item.
         let may_fail = is_bad && expected.outcome == "failed";
         let failed = item.attempts.iter().any(|attempt| attempt.outcome == Outcome::Failed);
         if (failed || item.outcome == Outcome::Failed) && !may_fail {
@@ -78,12 +79,12 @@ fn verdicts(case: &Case, record: &RunRecord, expected: &Expectation, found: &mut
     }
 }
 
-/// An item that is expected to be bad and was not skipped for want of a link.
+/// Whether an item is expected to be bad and was not skipped because of a missing link.
 fn is_judged(item: &ItemRecord, expected: &Expectation) -> bool {
     expected.items.contains(&item.name) && item.outcome != Outcome::Skipped
 }
 
-/// A run that was stopped says so; the module is off after every run.
+/// Checks the end: a stopped run says so, and the module is off after every run.
 fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
     let broken_off =
         record.items.iter().any(|item| item.selected && matches!(item.outcome, Outcome::Aborted | Outcome::NotRun));
@@ -96,9 +97,9 @@ fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
     if ran.off_after.is_none() {
         found.push("the module is still on".to_owned());
     }
-    // On a busy computer these are figures and no bounds.
+    // On a busy computer these are only figures and not bounds.
     let bound = match case.disturbance {
-        // Plugged in again in time, the run goes on.
+        // If the cable is plugged in again in time, the run goes on.
         Disturbance::None | Disturbance::Suspend(_) | Disturbance::Unplug { back: Some(_) } => return,
         Disturbance::Stop { .. } => SAFE_AFTER_A_STOP,
         Disturbance::Unplug { back: None } => SAFE_BY_WATCHDOG,
@@ -108,7 +109,7 @@ fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
     }
 }
 
-/// What the station said of the line.
+/// The losses that the station reports for the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Booked {
     damaged: u64,
@@ -116,7 +117,7 @@ struct Booked {
 }
 
 impl Booked {
-    /// From the note of the run: "the line was not clean: 4 frames received, 0 damaged, 1 missing, ...".
+    /// Reads the note of the run: "the line was not clean: 4 frames received, 0 damaged, 1 missing, ...".
     fn read(record: &RunRecord) -> Self {
         let mut notes = record.notes.iter().rev().filter_map(|note| note.text.strip_prefix("the line was not clean: "));
         let Some(note) = notes.next() else { return Self::default() };
@@ -128,14 +129,14 @@ impl Booked {
     }
 }
 
-/// Losses are booked where they happened: none that the line did not make, and each that it did.
+/// Checks that the station reports exactly the losses that the line made, each where it happened.
 fn losses(case: &Case, ran: &Ran, record: &RunRecord) -> Option<String> {
     let booked = Booked::read(record);
     let LineTruth { to_host, to_board, can_to_host, can_to_board } = ran.line;
     let deaf = matches!(case.disturbance, Disturbance::Unplug { .. } | Disturbance::Suspend(_));
     let acted = |toll: Toll| toll.spoilt + toll.others > 0;
     let harmed = [to_host, to_board, can_to_host, can_to_board].into_iter().any(acted) || ran.restarts > 0 || deaf;
-    // A message of many frames on CAN is also broken off by its own timeouts, where a computer stands still meanwhile.
+    // If a computer stands still, timeouts also break off a message of many frames on CAN.
     let undisturbed = case.link == Link::Rs422 || ran.in_memory;
     if undisturbed && !harmed && booked != Booked::default() {
         return Some(format!("the line did nothing, and the station books {booked:?}"));
@@ -147,13 +148,14 @@ fn losses(case: &Case, ran: &Ran, record: &RunRecord) -> Option<String> {
     Some(format!("{missing} frames are booked as missing; the line spoilt {missable} that could be missed"))
 }
 
-/// Frames that the station missed, and those that it could miss by the line's own count, where the two must agree.
+/// Frames that the station reports as missing, and those that it could miss by the line's own count; `None` unless the
+/// two must agree.
 pub(super) fn counted_losses(case: &Case, ran: &Ran) -> Option<(u64, u64)> {
     let record = ran.record.as_ref().filter(|record| record.board.is_some())?;
     let LineTruth { to_host, to_board, .. } = ran.line;
     let spoils = |kind: &&str| SPOILS_ALONE.contains(kind);
-    // What overtakes or comes back shifts the numbers; what is late may not have come at the end; a restart throws away
-    // what is on its way, and so does a stop.
+    // Frames that overtake or come back shift the numbers. Late frames may not have come at the end. A restart or a
+    // stop discards the frames on their way.
     let exact = case.link == Link::Rs422
         && to_host.frames > 0
         && (case.kinds.iter().all(spoils) || to_host.spoilt + to_board.others == 0)

@@ -1,5 +1,5 @@
-//! Carries out one run in memory: station, bench and whoever disturbs them in one task, on one clock that moves when all
-//! of them wait. The same case is the same run, to the byte of its journal.
+//! Carries out one run in memory: station, bench and disturbance in one task, on one clock that moves when all of them
+//! wait. The same case gives the same run, to the byte of its journal.
 
 use std::convert::Infallible;
 use std::path::Path;
@@ -22,19 +22,19 @@ use super::case::{Case, Link};
 use super::order::{Heard, Ordered, order};
 use super::run::{Act, LONGEST, Ran, SAFE_AFTER, acts, options};
 
-/// When every run begins, by its own calendar.
+/// The date on which every run begins, by its own calendar.
 const BEGAN: &str = "2026-11-22T06:30:15+00:00";
-/// Bytes taken at once.
+/// Most bytes taken at once.
 const AT_ONCE: usize = 4096;
-/// The clock moves at least so far between two looks of the bench: what it has to do in between it does then, and the
+/// Least step of the clock between two looks of the bench. The bench does at a look what became due before, and the
 /// clock's own ticks are a millisecond.
 const LOOK: Duration = Duration::from_micros(100);
-/// While the computer is suspended the bench is looked at so often, as often as by its clock.
+/// Time between two looks of the bench while the computer is suspended, equal to a tick of its clock.
 const SUSPENDED_STEP: Duration = Duration::from_millis(1);
-/// A question is asked when the one before is answered.
+/// Most open questions: a question is asked when the one before is answered.
 const QUESTIONS: usize = 1;
 
-/// Of an slcan adapter; nothing paces it.
+/// Rate of an slcan adapter; the adapter itself has no pace.
 const ADAPTER_BAUD: u32 = 2_000_000;
 
 pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
@@ -79,7 +79,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
         };
         let truth = world.bench.truth();
         (ran.line, ran.restarts) = (truth.line, truth.restarts);
-        // Nobody disturbs what is over.
+        // A run that has ended is no longer disturbed.
         world.due.clear();
         ran.off_after = timeout(SAFE_AFTER, world.off()).await.ok().map(|off| off.saturating_duration_since(at));
         ran.off_since_disturbed = world.disturbed.zip(world.off_since_disturbed).map(|(from, to)| to - from);
@@ -88,7 +88,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     })
 }
 
-/// The bench's end of a cable; nothing in it where none is plugged in.
+/// The bench's end of a cable; empty if no cable is plugged in.
 #[derive(Default)]
 struct CableEnd {
     reader: Option<ReadHalf<DuplexStream>>,
@@ -102,7 +102,7 @@ impl CableEnd {
     }
 }
 
-/// Bytes that came.
+/// Reads bytes; returns their number.
 async fn read(reader: &mut Option<ReadHalf<DuplexStream>>, buffer: &mut [u8]) -> usize {
     let Some(end) = reader else { return std::future::pending().await };
     let count = end.read(buffer).await.unwrap_or(0);
@@ -112,7 +112,7 @@ async fn read(reader: &mut Option<ReadHalf<DuplexStream>>, buffer: &mut [u8]) ->
     count
 }
 
-/// Bytes that are gone: all where there is no cable, since nobody hears what is said while it is out.
+/// Writes bytes; returns the number of bytes that are gone. Without a cable all are gone, since they are lost.
 async fn write(writer: &mut Option<WriteHalf<DuplexStream>>, bytes: &[u8]) -> usize {
     let Some(end) = writer else { return bytes.len() };
     match end.write(bytes).await {
@@ -124,7 +124,7 @@ async fn write(writer: &mut Option<WriteHalf<DuplexStream>>, bytes: &[u8]) -> us
     }
 }
 
-/// What happened first.
+/// The event that happened first.
 enum Happened {
     Asked(OperatorQuestion),
     /// The moment of the case has come.
@@ -136,7 +136,7 @@ enum Happened {
     TimePassed,
 }
 
-/// Everything but the station.
+/// Everything except the station.
 struct World<'a> {
     case: &'a Case,
     bench: SimulatedBench,
@@ -153,11 +153,11 @@ struct World<'a> {
     /// The moment of the case has come.
     scheduled: bool,
     due: Vec<(Instant, Act)>,
-    /// The computer was suspended for so long.
+    /// How long the computer was suspended.
     suspended: Duration,
-    /// When somebody disturbed the run first.
+    /// Time of the first disturbance.
     disturbed: Option<Instant>,
-    /// When the module was off for the first time since then.
+    /// Time at which the module was first off after that.
     off_since_disturbed: Option<Instant>,
 }
 
@@ -196,7 +196,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Goes on until the module is off; when that was.
+    /// Goes on until the module is off; returns that time.
     async fn off(&mut self) -> Instant {
         while self.bench.is_powered() {
             self.turn().await;
@@ -204,7 +204,7 @@ impl<'a> World<'a> {
         Instant::now()
     }
 
-    /// What is due now, and then waits for the next that happens.
+    /// Does what is due now, and then waits for the next event.
     async fn turn(&mut self) {
         self.act();
         let at = Instant::now();
@@ -222,7 +222,7 @@ impl<'a> World<'a> {
         let lines = self.adapter.output().to_vec();
         let (mut bytes, mut can_bytes) = ([0; AT_ONCE], [0; AT_ONCE]);
         let room = self.bench.room().min(AT_ONCE);
-        // As many bytes as the shortest frames may need.
+        // Read no more bytes than the shortest frames need.
         let can_room = (self.bench.can_room() * 5).min(AT_ONCE);
         let due = self.due.iter().map(|(due, _)| *due);
         let next = due.fold(at + self.bench.next_due(now).saturating_sub(now), Instant::min).max(at + LOOK);
@@ -265,14 +265,14 @@ impl<'a> World<'a> {
                 self.bench.set_heading_deg(deg);
                 true
             }
-            // The functional plan asks for nothing else.
+            // The functional plan asks for no other action.
             _ => false,
         };
-        // An item that was stopped meanwhile waits no longer.
+        // An item that was stopped meanwhile no longer waits.
         let _ = question.answer.send(done);
     }
 
-    /// The bench goes on while the station's clock stands.
+    /// Lets the bench go on while the station's clock stands still.
     fn suspend(&mut self, span: Duration) {
         let until = self.suspended + span;
         while self.suspended < until {

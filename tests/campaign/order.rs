@@ -1,4 +1,4 @@
-//! What the station is asked to do in every run of a campaign.
+//! The request to the station in every run of a campaign.
 
 use std::path::{Path, PathBuf};
 
@@ -68,7 +68,7 @@ pub(super) fn order(
     Ok(Ordered { request, equipment })
 }
 
-/// Hears of each event, and remembers where the record is and why it could not be written.
+/// Receives each event, and stores where the record is and why it could not be written.
 pub(super) struct Heard<F> {
     event: F,
     folder: Option<PathBuf>,
@@ -76,12 +76,12 @@ pub(super) struct Heard<F> {
 }
 
 impl<F: Fn() -> bool + Clone + Send + 'static> Heard<F> {
-    /// `event` is called for each one; `false`: the listener has gone.
+    /// `event` is called for each event; it returns `false` if the listener has gone.
     pub(super) fn new(event: F) -> Self {
         Self { event, folder: None, store_error: None }
     }
 
-    /// The outcome and the folder of the only round, or what hindered it.
+    /// The outcome and the folder of the only round, or the error that prevented it.
     pub(super) fn ended(self, done: Result<RunsDone, ServiceError>) -> Result<(Outcome, PathBuf), String> {
         let done = done.map_err(|error| error.to_string())?;
         match (self.store_error, self.folder) {

@@ -1,4 +1,4 @@
-//! Carries out one run over pseudo-terminals: the station on a thread of its own, the bench on another.
+//! Carries out one run over pseudo-terminals: the station on one thread, the bench on another.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
@@ -19,22 +19,22 @@ use super::case::{Case, Link};
 use super::order::{Heard, Ordered, order};
 use super::run::{Act, LONGEST, Ran, SAFE_AFTER, acts, options};
 
-/// More events than any run of the functional plan has.
+/// Room for unread events: more than any run of the functional plan has.
 const UNHEARD: usize = 1 << 14;
 
-/// What the campaign hears of a run.
+/// A message from a run to the campaign.
 enum News {
     Event,
     Ended(Ended),
 }
 
-/// The outcome of a run and its folder, or what hindered it.
+/// The outcome of a run and its folder, or the error that prevented it.
 type Ended = Result<(Outcome, PathBuf), String>;
 
 pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     let options = options(case, Speed::Max)?;
     let bench = RunningBench::start(&options).map_err(|error| error.to_string())?;
-    // By links of our own, as udev makes them: a cable that is plugged in again has the same name.
+    // Symbolic links, as udev makes them: a cable that is plugged in again has the same name.
     let port = place.join("port");
     let adapter = place.join("adapter");
     let slcan = bench.can_port().trim_start_matches("slcan:").to_owned();
@@ -65,7 +65,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     let mut ran = Ran { took, since_disturbed: disturbed.map(|at| at.elapsed()), ..Ran::default() };
     let Some(ended) = ended else {
         ran.problems.push(format!("it did not come to an end within {LONGEST:?}"));
-        // Its thread is left to itself: nothing ends a thread that hangs.
+        // The thread is left alone: a thread that hangs cannot be ended.
         return Ok(ran);
     };
     let truth = hands.truth().map_err(|error| error.to_string())?;
@@ -78,7 +78,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
 }
 
 fn point(link: &Path, port: &Path) -> Result<(), String> {
-    // Moved into its place, so that nobody finds it missing.
+    // Moved into its place by a rename, so that the link is never missing.
     let fresh = link.with_extension("new");
     std::os::unix::fs::symlink(port, &fresh)
         .and_then(|()| std::fs::rename(&fresh, link))
@@ -109,7 +109,7 @@ fn watch(
             match act {
                 Act::Stop => control.stop("SIGTERM"),
                 Act::Unplug => {
-                    // The link goes with its device.
+                    // The link disappears with its device.
                     std::fs::remove_file(link).map_err(|error| error.to_string())?;
                     hands.unplug(cable).map_err(|error| error.to_string())?;
                 }
@@ -134,16 +134,16 @@ fn watch(
     }
 }
 
-/// How a run ended, when it was disturbed, and who waits for the module to be off since then.
+/// How a run ended, when it was disturbed, and the thread that waits for the module to be off after that.
 type Watched = (Option<Ended>, Option<Instant>, Option<JoinHandle<Option<Duration>>>);
 
-/// How long the module is still on.
+/// Time until the module is off.
 fn off_after(hands: &hw_mocks::BenchControl) -> Option<Duration> {
     let began = Instant::now();
     hands.wait_off(SAFE_AFTER).is_ok_and(|off| off).then(|| began.elapsed())
 }
 
-/// What the station's thread needs.
+/// The input of the station's thread.
 struct Station {
     control: RunControl,
     told: SyncSender<News>,

@@ -1,4 +1,4 @@
-//! One run of a campaign: carried out over one of the two ways, and what came of it.
+//! One run of a campaign, carried out over one of the two ways, and its result.
 
 use std::path::Path;
 use std::time::Duration;
@@ -17,46 +17,49 @@ use super::{memory, pty};
 pub enum Over {
     /// In memory, on a clock that moves when both wait: a seed repeats a run exactly.
     Memory,
-    /// Over pseudo-terminals, at full speed by the computer's clock: a seed repeats which faults there are and at which
-    /// event somebody pulls a cable; which frames the dice hit depends on how many there are, and that on wall time.
+    /// Over pseudo-terminals, at full speed by the computer's clock. A seed repeats the kinds of faults and the event
+    /// at which a cable is pulled. It does not repeat which frames are hit: that depends on the number of frames, and
+    /// so on wall time.
     Pty,
 }
 
-/// A run on a clean line takes a second or two; one in which every item meets a dead line twice some forty, and over CAN,
-/// where a message that breaks off takes a second more, some eighty. Twice that on a computer that is busy.
+/// Longest time of a run. A run on a clean line takes a second or two. If every item meets a dead line twice, it takes
+/// some forty. Over CAN it takes some eighty, since each broken-off message takes a second more. A busy computer
+/// doubles this.
 pub const LONGEST: Duration = Duration::from_secs(160);
-/// The watchdog of the board switches the module off 2 s after the last word of the station; the rest is for a computer
-/// with a dozen runs on it.
+/// Longest wait until the module is off. The board's watchdog switches the module off 2 s after the last frame of the
+/// station; the rest is for a computer with a dozen runs.
 pub(super) const SAFE_AFTER: Duration = Duration::from_secs(5);
-/// What came of a run.
+/// The result of a run.
 #[derive(Debug, Clone, Default)]
 pub struct Ran {
-    /// Its record; `None` if it did not come to an end, or left none.
+    /// Its record; `None` if it did not come to an end, or left no record.
     pub record: Option<RunRecord>,
-    /// What the station called it.
+    /// The outcome by the station.
     pub outcome: Option<Outcome>,
-    /// In memory no computer that stands still comes between station and bench.
+    /// Whether the run was in memory, where a computer that stands still cannot separate station and bench.
     pub in_memory: bool,
-    /// Its events as they stand on disk.
+    /// Its events as they are on disk.
     pub journal: Vec<u8>,
-    /// What is wrong with the record, or hindered the run.
+    /// Errors of the record, or of the run itself.
     pub problems: Vec<String>,
-    /// How long it took.
+    /// Duration of the run.
     pub took: Duration,
-    /// From the disturbance to the end of the run; `None` if it ended before.
+    /// Time from the disturbance to the end of the run; `None` if the run ended before.
     pub since_disturbed: Option<Duration>,
-    /// From the end of the run until the module was off; `None` if it never was.
+    /// Time from the end of the run until the module was off; `None` if it never was.
     pub off_after: Option<Duration>,
-    /// From the disturbance until the module was off; `None` if nobody disturbed it, or it never was.
+    /// Time from the disturbance until the module was off; `None` if the run was not disturbed, or the module never was
+    /// off.
     pub off_since_disturbed: Option<Duration>,
     /// What the line really did.
     pub line: LineTruth,
-    /// Restarts of the board, its first start not counted.
+    /// Restarts of the board after its first start.
     pub restarts: u32,
 }
 
 impl Ran {
-    /// With the record in this folder, and what is wrong with it.
+    /// Adds the record in this folder, and its errors.
     pub(super) fn with_record(mut self, outcome: Outcome, folder: &Path) -> Self {
         self.outcome = Some(outcome);
         self.problems.extend(reader::verify(folder));
@@ -75,13 +78,13 @@ impl Ran {
 /// Which records are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kept {
-    /// Those about which something is wrong.
+    /// Records of runs with errors.
     Wrong,
-    /// All.
+    /// All records.
     All,
 }
 
-/// Runs it; its record is kept in a folder if one is given and it is one of those.
+/// Runs the case. The record is kept in the folder if one is given and the record is of the kind to keep.
 #[must_use]
 pub fn run(case: &Case, over: Over, keep: Option<(&Path, Kept)>) -> Ran {
     match tempfile::TempDir::new() {
@@ -89,7 +92,7 @@ pub fn run(case: &Case, over: Over, keep: Option<(&Path, Kept)>) -> Ran {
             let ran = run_in(case, over, place.path());
             let kept = keep.filter(|(_, kept)| *kept == Kept::All || !super::violations(case, &ran).is_empty());
             if let Some((keep, _)) = kept {
-                // Whether it can be kept or not, the run is told of.
+                // The run is reported even if its record cannot be kept.
                 let _ = std::fs::write(place.path().join("board.toml"), case.text());
                 let _ = std::fs::create_dir_all(keep);
                 let _ = std::fs::rename(place.keep(), keep.join(format!("{}-{}", case.seed, case.number)));
@@ -100,7 +103,7 @@ pub fn run(case: &Case, over: Over, keep: Option<(&Path, Kept)>) -> Ran {
     }
 }
 
-/// Runs it once more, in memory; the first line in which its journal differs from that of the first time.
+/// Runs the case again, in memory; returns the first line in which its journal differs from the first one.
 #[must_use]
 pub fn differs(case: &Case, first: &Ran) -> Option<String> {
     let again = run(case, Over::Memory, None);
@@ -116,7 +119,7 @@ pub fn differs(case: &Case, first: &Ran) -> Option<String> {
     }
 }
 
-/// Runs it with all of its files in this folder.
+/// Runs the case with all of its files in this folder.
 fn run_in(case: &Case, over: Over, place: &Path) -> Ran {
     let ran = match over {
         Over::Memory => memory::run_in(case, place),
@@ -132,7 +135,7 @@ pub(super) fn options(case: &Case, speed: Speed) -> Result<BenchOptions, String>
     Ok(BenchOptions { serial_number, seed, speed, personality, ..BenchOptions::default() })
 }
 
-/// What somebody does.
+/// An action of a disturbance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Act {
     Stop,
@@ -141,7 +144,7 @@ pub(super) enum Act {
     PlugIn,
 }
 
-/// What somebody does from now on, and when.
+/// The actions of the case from now on, with their times.
 pub(super) fn acts(case: &Case) -> Vec<(Instant, Act)> {
     let at = Instant::now() + case.moment.1;
     match case.disturbance {

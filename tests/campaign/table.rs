@@ -1,4 +1,4 @@
-//! What came of a campaign, for people.
+//! The results of a campaign as a table for people.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -23,7 +23,7 @@ struct Row {
     longest: Duration,
 }
 
-/// Outcomes by what the line and people did, first-pass yield, and the longest of everything.
+/// Outcomes by faults of the line and by disturbances, first-pass yield, and the longest times.
 #[must_use]
 pub fn table(all: &[Judged]) -> String {
     let mut rows: BTreeMap<String, Row> = BTreeMap::new();
@@ -67,7 +67,7 @@ pub fn table(all: &[Judged]) -> String {
     text
 }
 
-/// In which rows a run counts.
+/// The rows in which a run counts.
 fn names(judged: &Judged) -> Vec<String> {
     let case = &judged.case;
     let happened = judged.ran.since_disturbed.is_some();
@@ -101,12 +101,12 @@ fn is_good(judged: &Judged) -> bool {
     personality.and_then(|p| p.expect.get("functional").map(|expected| expected.outcome == "passed")).unwrap_or(false)
 }
 
-/// Attempts beyond the first of each item.
+/// Number of attempts beyond the first of each item.
 fn retries(record: &RunRecord) -> usize {
     record.items.iter().map(|item| item.attempts.len().saturating_sub(1)).sum()
 }
 
-/// A good module that passes only by a second attempt did not pass at first.
+/// First-pass yields: a good module that passes only by a second attempt does not count.
 fn yields(all: &[Judged]) -> String {
     let of = |clean: bool| {
         let these: Vec<&RunRecord> = all
@@ -130,7 +130,7 @@ fn yields(all: &[Judged]) -> String {
     text
 }
 
-/// A time of a run, if it has one.
+/// Picks a time of a run, if it has one.
 type Pick<'a> = &'a dyn Fn(&Judged) -> Option<Duration>;
 
 fn times(all: &[Judged]) -> String {

@@ -1,22 +1,22 @@
-//! Commands on a page, held against the programs and the packages that there are.
+//! Compares the commands on a page with the existing programs and packages.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The package that `cargo run` takes where none is named.
+/// The default package of `cargo run`.
 const DEFAULT_PACKAGE: &str = "gnc-station";
 /// Options of cargo that name a target of a package.
 const TARGETS: [&str; 4] = ["test", "bench", "bin", "example"];
 
-/// What commands may name.
+/// The programs and packages that commands may name.
 #[derive(Debug)]
 pub(crate) struct Programs {
     station: PathBuf,
     /// Name of each package, with its folder and its manifest.
     packages: BTreeMap<String, (PathBuf, toml::Table)>,
-    /// The help of each subcommand that was asked for; `None` if there is no such subcommand.
+    /// The help of each subcommand that was needed; `None` if there is no such subcommand.
     helps: RefCell<BTreeMap<String, Option<String>>>,
 }
 
@@ -35,7 +35,7 @@ impl Programs {
         Ok(Self { station: station.to_owned(), packages, helps: RefCell::default() })
     }
 
-    /// What is wrong with a piece of code, if it is a command of cargo or of the station.
+    /// The mistakes in a piece of code, if it is a command of cargo or of the station.
     #[must_use]
     pub(crate) fn mistakes(&self, code: &str) -> Vec<String> {
         let words: Vec<&str> = code.split_whitespace().take_while(|word| *word != "#").collect();
@@ -43,7 +43,7 @@ impl Programs {
             ["$", ..] => self.mistakes(code.trim_start_matches("$ ")),
             ["gnc-station", ref rest @ ..] => self.of_station(rest),
             ["cargo", ref rest @ ..] => self.of_cargo(rest),
-            // The pages on methods of `compute` leave the program out.
+            // The pages about methods of `compute` leave the program's name out.
             [method, "FILE" | "FILE.toml", ..] if is_subcommand(method) => {
                 self.of_station(&[&["compute"], &words[..]].concat())
             }
@@ -108,7 +108,7 @@ fn has_target(folder: &Path, manifest: &toml::Table, kind: &str, name: &str) -> 
         || file.join(name).join("main.rs").exists()
 }
 
-/// Words such as `plan`, `check` or `six-position`. Files have a dot, and what stands for something is in capitals.
+/// Whether a word is like `plan`, `check` or `six-position`. File names have a dot, and placeholders are in capitals.
 fn is_subcommand(word: &str) -> bool {
     word.starts_with(|mark: char| mark.is_ascii_lowercase())
         && word.chars().all(|mark| mark.is_ascii_lowercase() || mark == '-')

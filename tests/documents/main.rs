@@ -1,4 +1,4 @@
-//! The pages for people name what is there: links, files, programs and options.
+//! The pages for people name only existing links, files, programs and options.
 
 mod commands;
 mod markdown;
@@ -12,13 +12,13 @@ use gnc_tests::repository;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
-/// It tells of files as they were called then.
+/// A page about the past: it uses the file names of that time.
 const HISTORY: &str = "CHANGELOG.md";
 
 /// A page: its path from the repository's root, and its text.
 type Page = (PathBuf, String);
 
-/// All pages, those of the root and those of `docs`.
+/// All pages: those of the root and those of `docs`.
 fn pages() -> io::Result<Vec<Page>> {
     let mut pages = Vec::new();
     for folder in ["", "docs"].map(Path::new) {
@@ -34,13 +34,13 @@ fn pages() -> io::Result<Vec<Page>> {
     Ok(pages)
 }
 
-/// Fails with all that is wrong at once.
+/// Fails with all mistakes at once.
 #[track_caller]
 fn none_of(mistakes: &[String]) {
     assert!(mistakes.is_empty(), "\n{}\n", mistakes.join("\n"));
 }
 
-/// Says what is wrong with the code of all pages, each with its place.
+/// The mistakes in the code of all pages, each with its place.
 fn mistakes_in_code(pages: &[Page], look: impl Fn(&str) -> Vec<String>) -> Vec<String> {
     let mut mistakes = Vec::new();
     for (path, text) in pages {
@@ -86,7 +86,7 @@ fn every_path_is_there() {
     none_of(&mistakes_in_code(&pages, |code| {
         let words = code.split_whitespace().map(|word| word.trim_matches(|mark: char| "\"'()[],;:".contains(mark)));
         let named = words.filter(|word| folders.iter().any(|folder| word.starts_with(folder)));
-        // A name in capitals stands for any name, a star for many.
+        // A word with NAME stands for any name, a star for many.
         let certain = named.filter(|word| !word.contains("NAME") && !word.contains('*'));
         certain.filter(|word| !root.join(word).exists()).map(|word| format!("{word} is not there")).collect()
     }));

@@ -1,11 +1,11 @@
-//! As much of Markdown as the project's pages use: links, headings and code.
+//! The part of Markdown that the project's pages use: links, headings and code.
 
 use std::collections::BTreeSet;
 
-/// Something on a page, with its line from 1.
+/// An element of a page, with its line from 1.
 pub(crate) type Placed<'a> = (usize, &'a str);
 
-/// Targets of all links, `file#anchor`, without those to other hosts.
+/// Targets of all links, `file#anchor`, except links to other hosts.
 #[must_use]
 pub(crate) fn links(page: &str) -> Vec<Placed<'_>> {
     let mut found = Vec::new();
@@ -16,7 +16,7 @@ pub(crate) fn links(page: &str) -> Vec<Placed<'_>> {
     found
 }
 
-/// The anchors of a page: its headings as web pages of repositories name them.
+/// The anchors of a page: its headings, named as on the web pages of repositories.
 #[must_use]
 pub(crate) fn anchors(page: &str) -> BTreeSet<String> {
     let headings = prose(page).filter(|(_, text)| text.starts_with('#'));

@@ -1,16 +1,16 @@
-//! Guidance through captures, on the simulated turntable and at a table that is turned by hand.
+//! Guidance through captures, on the simulated turntable and at a manual table.
 
 use gnc_tests::{Place, read_json};
 
 use crate::{ESC, F5, F9, F10, STATION, mock, open, outcomes, sim};
 
-/// A spin of the magnetometer and six positions, as long as they must be to be seen.
+/// A spin of the magnetometer and six positions, just long enough to be seen.
 const PLAN: &str = "name = \"guided\"\nversion = \"1\"\n\
                     [[item]]\nid = \"magnetometer-ellipse\"\nparams = { duration = \"20 s\" }\n\
                     limits.radius = \"0.1 gauss .. 0.7 gauss\"\n\
                     [[item]]\nid = \"six-position\"\nparams = { dwell = \"20 s\" }\nlimits.residual_rms = \"<= 5 mg\"\n";
 
-/// The number behind a label, once there is one.
+/// The number behind a label, as soon as there is one.
 fn number_after(screen: &vt100::Screen, label: &str) -> Option<f64> {
     let text = screen.contents();
     text.split(label).nth(1)?.split_whitespace().next()?.parse().ok()
@@ -19,14 +19,14 @@ fn number_after(screen: &vt100::Screen, label: &str) -> Option<f64> {
 /// Width of the screen.
 const COLUMNS: u16 = 80;
 
-/// What the first run says of its end so far.
+/// What the first run has reported at its end so far.
 fn said(place: &Place) -> String {
     let journal = place.runs().first().map(|run| std::fs::read_to_string(run.join("events.jsonl")));
     let journal = journal.and_then(Result::ok).unwrap_or_default();
     journal.lines().filter(|line| line.contains("error")).collect()
 }
 
-/// Cells of the corrected plot that hold dots, by quarter: right and left of its middle, above and below.
+/// Number of cells of the corrected plot that hold dots, by quarter: right and left of its middle, above and below.
 fn dots(screen: &vt100::Screen) -> [usize; 4] {
     let rows: Vec<Vec<char>> = screen.rows(0, COLUMNS).map(|row| row.chars().collect()).collect();
     let Some((top, left)) = rows.iter().enumerate().find_map(|(y, row)| {
@@ -52,7 +52,7 @@ fn dots(screen: &vt100::Screen) -> [usize; 4] {
 fn captures_are_guided() {
     let place = Place::new(STATION);
     let plan = place.write("p.toml", PLAN).display().to_string();
-    // Five minutes in half of one: at full speed a position would be over before it is drawn.
+    // Five minutes in half a minute: at full speed a position would be over before it is drawn.
     let mut terminal = open(&place, &sim(&plan, &["--sim-speed", "10"]), COLUMNS, 24);
     terminal.wait_for("guided 1");
     terminal.types(F9);
@@ -77,7 +77,7 @@ fn captures_are_guided() {
         assert!(!text.contains("errored"), "{}", said(&place));
         text.contains("✓ spin +")
     });
-    // The next item: positions, each with a mark when it is finished.
+    // The next item has positions, each with a mark when it is finished.
     terminal.wait_for("✓ x+");
     terminal.wait_for("-Y up, +Z to 0°");
     terminal.wait_for("✓ y+");
@@ -88,7 +88,7 @@ fn captures_are_guided() {
     terminal.types(F10);
     let (status, restored) = terminal.end();
     assert!(restored && status.code() == Some(0), "{status}");
-    // What was shown on the way is what the analysis found in the end.
+    // The last picture agrees with what the analysis found.
     let runs = place.runs();
     let item = read_json(&runs[0].join("01-magnetometer-ellipse/item.json"));
     let measured = item["attempts"][0]["measurements"].as_array().expect("measurements");
@@ -97,7 +97,7 @@ fn captures_are_guided() {
     assert!((ratio * 100.0 - percent).abs() < 1.0, "shown {ratio}, found {percent} %");
 }
 
-/// At a bench without a turntable a person lays the module down, as it is drawn.
+/// At a bench without a turntable a person lays the module down as the picture shows.
 #[test]
 fn a_module_is_laid_down_by_hand() {
     let place = Place::new(STATION);

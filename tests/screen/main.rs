@@ -26,7 +26,7 @@ const ESC: &[u8] = b"\x1b";
 
 /// The screen of a station in this folder.
 fn open(place: &Place, args: &[&str], columns: u16, rows: u16) -> Terminal {
-    // A session of its own, so that the terminal is its controlling one and a hang-up reaches it.
+    // A separate session, so that the terminal is its controlling one and a hang-up reaches it.
     let mut command = Command::new("setsid");
     command.arg("--ctty").arg(STATION).args(args).current_dir(place.path());
     command.env("TERM", "xterm-256color").env("LC_ALL", "C.UTF-8").env_remove("NO_COLOR");
@@ -46,12 +46,12 @@ fn outcomes(place: &Place) -> Vec<String> {
     place.runs().into_iter().filter_map(outcome).collect()
 }
 
-/// A simulated board as a program of its own.
+/// A simulated board as a separate program.
 fn mock(board: &str) -> Board {
     Board::start(MOCK, &[board, "--speed", "max", "--serial-number", "T-1"])
 }
 
-/// Scan, start, do what is asked, fail, repeat what failed, say that it is not possible, leave.
+/// Scan, start, do what the screen asks, fail, repeat the failed items, answer "not possible", leave.
 #[test]
 fn an_operator_tests_a_module() {
     let place = Place::new(STATION);
@@ -79,9 +79,9 @@ fn an_operator_tests_a_module() {
     assert!(terminal.text().contains("failed"), "{}", terminal.text());
     assert!(terminal.text().contains("wrong_reads"), "{}", terminal.text());
 
-    // The row is there before the run has ended.
+    // The row appears before the run has ended.
     terminal.wait_for("F4 Repeat");
-    // T-2 was scanned: its run is another module's, so first the label of T-1 again.
+    // T-2 was scanned, but the run to repeat belongs to T-1: scan the label of T-1 again first.
     terminal.types(b"T-1\r");
     terminal.wait_for("tested today at");
     terminal.types(F5);
@@ -90,7 +90,7 @@ fn an_operator_tests_a_module() {
     terminal.wait_for("Close the lid.");
     terminal.types(b"\r");
     terminal.wait_for("look at: A line reads another level");
-    // The row is there before the run has ended.
+    // The row appears before the run has ended.
     terminal.wait_for("F4 Repeat");
     terminal.types(F4);
     terminal.wait_for("Close the lid.");
@@ -106,7 +106,7 @@ fn an_operator_tests_a_module() {
     assert_eq!(verified.code, Some(0), "{}", verified.stdout);
 }
 
-/// A signal ends a run in order: the record is whole, the terminal as before.
+/// A signal ends a run in order: the record is complete, and the terminal is restored.
 #[test]
 fn a_signal_ends_the_run_and_gives_the_terminal_back() {
     for signal in [Signal::SIGTERM, Signal::SIGHUP, Signal::SIGINT] {
@@ -126,7 +126,7 @@ fn a_signal_ends_the_run_and_gives_the_terminal_back() {
     }
 }
 
-/// Nothing runs: the same without a record.
+/// The same without a run and without a record.
 #[test]
 fn a_signal_ends_an_idle_screen() {
     let place = Place::new(STATION);
@@ -156,8 +156,8 @@ fn a_lost_terminal_ends_the_run_with_its_record() {
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
 
-/// A terminal that takes nothing more (a stopped one, a line that hangs): the run goes on and is filed, and a signal still
-/// ends the program.
+/// The terminal takes no more output (it is stopped, or its line hangs): the run goes on and is filed, and a signal
+/// still ends the program.
 #[test]
 fn a_stopped_terminal_does_not_stop_the_run() {
     let place = Place::new(STATION);
@@ -166,7 +166,7 @@ fn a_stopped_terminal_does_not_stop_the_run() {
     terminal.wait_for("functional 1.0");
     terminal.types(b"T-1\r");
     terminal.types(F5);
-    // Curves on a large screen: a few drawings fill what the system holds for a reader.
+    // Curves on a large screen: a few drawings fill the system's buffer for the reader.
     terminal.types(F9);
     terminal.wait_for("gauss");
     let runs = place.runs();
@@ -192,7 +192,7 @@ fn wait_for_file(folder: &std::path::Path, name: &str) {
     }
 }
 
-/// Windows that change all the time, down to nothing, while a run is on.
+/// Windows that change size all the time, down to zero, while a run is on.
 #[test]
 fn a_storm_of_sizes() {
     let place = Place::new(STATION);
@@ -221,7 +221,7 @@ fn a_storm_of_sizes() {
     assert_eq!(outcomes(&place), ["passed"]);
 }
 
-/// A megabyte of whatever comes: nothing is started, nothing is lost afterwards.
+/// A megabyte of random input: it starts nothing, and nothing is lost afterwards.
 #[test]
 fn a_megabyte_of_garbage() {
     let place = Place::new(STATION);
@@ -233,10 +233,10 @@ fn a_megabyte_of_garbage() {
     let mut dice = ChaCha8Rng::seed_from_u64(seed);
     let mut garbage = vec![0u8; 1 << 20];
     dice.fill(&mut garbage[..]);
-    // Function keys are commands wherever they come from; nobody types them by accident a thousand times.
+    // Function keys are commands from any source; a person does not type a thousand of them by accident.
     let garbage: Vec<u8> = garbage.into_iter().filter(|byte| *byte != 0x1b).collect();
     terminal.types(&garbage);
-    // As pasted text, escape sequences are text too.
+    // In pasted text, escape sequences are text too.
     let mut pasted = b"\x1b[200~".to_vec();
     pasted.extend(garbage.iter().take(100_000));
     pasted.extend(b"\x1b[21~\x1b[15~\x1b[201~");
@@ -254,7 +254,7 @@ fn a_megabyte_of_garbage() {
     assert!(restored && status.code() == Some(0), "{status}");
 }
 
-/// The pages one after the other, in the language of the locale or as asked.
+/// All pages one after the other, in the language of the locale or in the requested one.
 #[test]
 fn pages_and_languages() {
     let place = Place::new(STATION);

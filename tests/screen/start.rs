@@ -1,4 +1,4 @@
-//! Between the check of a plan and its run: files that change, and runs that broke off.
+//! Between the check of a plan and its run: changed files, and interrupted runs.
 
 use std::fs;
 use std::io::{BufRead as _, BufReader};
@@ -28,7 +28,7 @@ fn scanned(more: &[&str]) -> (Place, Terminal) {
     (place, terminal)
 }
 
-/// Waits for the end of a run with this outcome; what failed can be repeated only then.
+/// Waits for the end of a run with this outcome; only then can failed items be repeated.
 fn ends(terminal: &mut Terminal, outcome: &str) {
     terminal.wait_until("the verdict", |screen| {
         let text = screen.contents();
@@ -47,7 +47,7 @@ fn filed(place: &Place, name: &str) -> Option<String> {
     fs::read_to_string(place.runs()[0].join("plan").join(name)).ok()
 }
 
-/// An included file is edited between check and start: the operator is told which, and what was checked runs.
+/// An included file is edited between check and start: the operator is told which file, and the checked plan runs.
 #[test]
 fn the_checked_plan_runs_though_a_file_was_edited() {
     for (lang, told, verdict) in [
@@ -71,7 +71,7 @@ fn the_checked_plan_runs_though_a_file_was_edited() {
     }
 }
 
-/// The plan itself is edited: read again it is checked and shown, and runs with the next F5.
+/// The plan itself is edited: the screen reads, checks and shows it again, and it runs with the next F5.
 #[test]
 fn the_new_plan_is_shown_before_it_runs() {
     let (place, mut terminal) = scanned(&[]);
@@ -86,7 +86,7 @@ fn the_new_plan_is_shown_before_it_runs() {
     ends(&mut terminal, "passed");
     leaves(terminal);
     assert_eq!(filed(&place, "01-p.toml"), Some(new));
-    // One with a mistake is refused as with F2.
+    // A plan with a mistake is refused as with F2.
     let (place, mut terminal) = scanned(&[]);
     place.write("limits.toml", &LIMITS.replace("cpu", "cpo"));
     terminal.types(F5);
@@ -97,7 +97,7 @@ fn the_new_plan_is_shown_before_it_runs() {
     assert!(place.runs().is_empty());
 }
 
-/// A bench file is held as a plan is: the one that was shown is the one that counts.
+/// A bench file is treated like a plan: the one that was shown counts.
 #[test]
 fn the_checked_bench_is_used_though_its_file_was_edited() {
     let place = Place::new(STATION);
@@ -117,7 +117,7 @@ fn the_checked_bench_is_used_though_its_file_was_edited() {
     assert_eq!(read_json(&place.runs()[0].join("run.json"))["station"], "line-2");
 }
 
-/// Files that are gone are files that changed. The answer may be neither.
+/// Missing files count as changed files. The answer may be neither of the two.
 #[test]
 fn a_plan_that_is_gone_is_told() {
     let (place, mut terminal) = scanned(&[]);
@@ -136,7 +136,7 @@ const CAPTURES: &str = "name = \"long\"\nversion = \"1\"\n\
                         [[item]]\nid = \"imu\"\nparams = { samples = 10000, rate = \"50 Hz\" }\ntimeout = \"400 s\"\n\
                         limits.gyro_x = \"0 +- 1 deg/s\"\n";
 
-/// A run of module C-1 that was killed behind its first item.
+/// A run of module C-1 that was killed after its first item.
 fn broken(place: &Place) -> PathBuf {
     place.write("long.toml", CAPTURES);
     let args = ["--auto", "long.toml", "--sim", "--sim-speed", "40", "--serial-number", "C-1", "--events"];
@@ -156,14 +156,14 @@ fn open_long(place: &Place, more: &[&str]) -> Terminal {
     terminal
 }
 
-/// A module is scanned whose run broke off: the screen offers to go on, and takes over what was captured.
+/// A module with an interrupted run is scanned: the screen offers to go on, and takes over the captures.
 #[test]
 fn a_run_that_broke_off_is_offered() {
     let place = Place::new(STATION);
     let broken = broken(&place);
     let name = broken.file_name().expect("a name").to_str().expect("UTF-8").to_owned();
 
-    // What `--auto` would refuse is not offered: another plan under the same name.
+    // The screen does not offer a run that `--auto` would refuse: here another plan under the same name.
     place.write("long.toml", &CAPTURES.replace("<= 5 mg", "<= 6 mg"));
     let mut terminal = open_long(&place, &[]);
     terminal.types(b"C-1\r");
@@ -171,7 +171,7 @@ fn a_run_that_broke_off_is_offered() {
     terminal.wait_for("Test it again?");
     terminal.types(ESC);
     leaves(terminal);
-    // Asked for, it is refused with the reason, and nothing runs.
+    // On request it is refused with the reason, and nothing runs.
     let mut terminal = open_long(&place, &["--resume", broken.to_str().expect("UTF-8")]);
     terminal.wait_for("C-1: F5 takes up");
     terminal.types(F5);
@@ -197,7 +197,8 @@ fn a_run_that_broke_off_is_offered() {
     let again = place.run(["recompute", new.to_str().expect("UTF-8")]);
     assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
 
-    // The module has a whole run now: nothing is offered, and what was sealed meanwhile can still be asked for.
+    // The module now has a complete run: the screen offers nothing, but the run sealed meanwhile can still be
+    // requested.
     let mut terminal = open_long(&place, &["--resume", broken.to_str().expect("UTF-8")]);
     terminal.types(F5);
     terminal.wait_for("captured whole");
@@ -211,7 +212,7 @@ fn a_run_that_broke_off_is_offered() {
     leaves(terminal);
 }
 
-/// A run that is not there is refused before the screen opens, as by `--auto`.
+/// A missing run is refused before the screen opens, as by `--auto`.
 #[test]
 fn a_run_to_take_up_must_be_there() {
     let place = Place::new(STATION);

@@ -1,4 +1,4 @@
-//! A program on a pseudo-terminal of its own, and what a person would see of it.
+//! A program on its own pseudo-terminal, and what a person would see of it.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -16,7 +16,7 @@ use nix::sys::stat::Mode;
 use nix::sys::termios::{Termios, tcgetattr};
 use nix::unistd::Pid;
 
-/// Longest time for a whole test; a machine under load is slow, and a good test never waits for it.
+/// Longest time of a whole test. A busy machine is slow, but a good test never waits for this.
 const DEADLINE: Duration = Duration::from_secs(120);
 
 pub(crate) struct Terminal {
@@ -30,9 +30,9 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    /// Starts a program whose controlling terminal this is.
+    /// Starts a program with this as its controlling terminal.
     pub(crate) fn start(mut command: Command, columns: u16, rows: u16) -> Self {
-        // Closed in children: else a lost terminal would live on in the programs of other tests.
+        // Closed in child programs: otherwise a lost terminal would stay open in the programs of other tests.
         let flags = OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC;
         let master = posix_openpt(flags | OFlag::O_NONBLOCK).expect("a pseudo-terminal");
         grantpt(&master).expect("its other end");
@@ -57,7 +57,7 @@ impl Terminal {
         self.parser.screen().contents()
     }
 
-    /// Waits until the screen shows something.
+    /// Waits until the screen shows this text.
     pub(crate) fn wait_for(&mut self, what: &str) {
         self.wait_until(what, |screen| screen.contents().contains(what));
     }
@@ -68,7 +68,7 @@ impl Terminal {
         }
     }
 
-    /// Types bytes, and reads meanwhile, as a terminal does.
+    /// Types bytes and reads output meanwhile, as a terminal does.
     pub(crate) fn types(&mut self, bytes: &[u8]) {
         let mut rest = bytes;
         while !rest.is_empty() {
@@ -98,8 +98,8 @@ impl Terminal {
         self.master = None;
     }
 
-    /// Waits for the program's end, and says whether the terminal is as it was: its settings, its screen, its
-    /// cursor. Of a closed terminal nobody can tell.
+    /// Waits for the program's end. Returns whether the terminal is restored: its settings, its screen, its cursor. For
+    /// a closed terminal this is unknown.
     pub(crate) fn end(mut self) -> (ExitStatus, bool) {
         let status = loop {
             if self.master.is_some() && self.read_for(Duration::from_millis(50)) {
@@ -121,7 +121,7 @@ impl Terminal {
         (status, after == self.before && shown)
     }
 
-    /// Waits for the program's end without reading anything from it.
+    /// Waits for the program's end without reading its output.
     pub(crate) fn end_unread(self) -> ExitStatus {
         self.ended.recv_timeout(self.left()).expect("the station's end")
     }
@@ -130,7 +130,7 @@ impl Terminal {
         self.deadline.saturating_duration_since(Instant::now())
     }
 
-    /// Reads what comes next.
+    /// Reads the next output.
     fn read(&mut self, wanted: &str) {
         let left = self.left();
         assert!(left > Duration::ZERO, "the time is over, {wanted:?} is not seen:\n{}", self.text());
@@ -157,7 +157,7 @@ impl Terminal {
         poll(&mut [PollFd::new(master.as_fd(), flags)], time).expect("poll");
     }
 
-    /// Takes what is there.
+    /// Takes the available output.
     fn take(&mut self) -> usize {
         let mut bytes = [0; 1 << 16];
         match self.master.as_ref().expect("a terminal").read(&mut bytes) {
@@ -177,7 +177,7 @@ fn set_size(slave: &OwnedFd, columns: u16, rows: u16) {
 
 impl Drop for Terminal {
     fn drop(&mut self) {
-        // A test that failed leaves no program behind.
+        // A failed test leaves no program behind.
         if self.ended.try_recv() == Err(mpsc::TryRecvError::Empty) {
             let _ = kill(self.pid, Signal::SIGKILL);
         }

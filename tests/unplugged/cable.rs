@@ -13,15 +13,15 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::pty::{grantpt, posix_openpt, ptsname_r, unlockpt};
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 
-/// Between two looks at what was plugged in meanwhile.
+/// Time between two looks for a cable that was plugged in.
 const LOOK_EVERY_MS: u16 = 5;
 
-/// One end of the cable, without blocking.
+/// One end of the cable, non-blocking.
 struct End {
     file: File,
     /// Without an open slave end the master hangs up whenever the station closes its own.
     _slave: Option<File>,
-    /// What this end has not taken yet.
+    /// Bytes that this end has not taken yet.
     waiting: Vec<u8>,
 }
 
@@ -31,7 +31,7 @@ struct Ends {
     adapter: Option<End>,
 }
 
-/// What is done to the cable, and word when it is done.
+/// An action on the cable, and the channel that reports when it is done.
 type Order = (Box<dyn FnOnce(&mut Ends) + Send>, Sender<()>);
 
 /// The cable, the adapter and the link that names it.
@@ -52,16 +52,16 @@ impl Cable {
         cable
     }
 
-    /// Joins the cable to another board.
+    /// Connects the cable to another board.
     pub(crate) fn wire(&self, board_port: &str) {
         let file = File::options().read(true).write(true).open(board_port).expect("the board's port");
         let end = End { file: without_blocking(file), _slave: None, waiting: Vec::new() };
         self.order(|ends| ends.board = Some(end));
     }
 
-    /// The adapter gets another device, and the link is moved to it.
+    /// Plugs the adapter in: it gets another device, and the link is moved to it.
     pub(crate) fn plug(&self) {
-        // Closed in programs that are started meanwhile: they would hold the plug.
+        // Closed in programs that start meanwhile: otherwise they would keep the plug in.
         let flags = OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC | OFlag::O_NONBLOCK;
         let master = posix_openpt(flags).expect("a pseudo-terminal");
         grantpt(&master).and_then(|()| unlockpt(&master)).expect("a pseudo-terminal");
@@ -80,7 +80,7 @@ impl Cable {
         std::os::unix::fs::symlink(name, &self.link).expect("a link");
     }
 
-    /// The link goes, and the device with all that it held.
+    /// Unplugs the adapter: the link disappears, and the device with all bytes that it held.
     pub(crate) fn unplug(&self) {
         std::fs::remove_file(&self.link).expect("the link");
         self.order(|ends| ends.adapter = None);
@@ -108,7 +108,7 @@ fn without_blocking(file: File) -> File {
     file
 }
 
-/// Moves bytes and does as it is told, until nobody tells it any more.
+/// Moves bytes and carries out orders, until the sender of orders is gone.
 fn carry(orders: &Receiver<Order>) {
     let mut ends = Ends::default();
     loop {
@@ -130,7 +130,7 @@ fn move_or_wait(ends: &mut Ends) {
         for (from, to) in [(&*board, &*adapter), (&*adapter, &*board)] {
             let Some(from) = from else { continue };
             let mut events = PollFlags::empty();
-            // A board that nobody listens to talks all the same.
+            // A board sends even if its output is not read.
             events.set(PollFlags::POLLIN, to.as_ref().is_none_or(|to| to.waiting.is_empty()));
             events.set(PollFlags::POLLOUT, !from.waiting.is_empty());
             waits.push(PollFd::new(from.file.as_fd(), events));
@@ -145,7 +145,7 @@ fn move_bytes(from: &mut Option<End>, to: &mut Option<End>) {
     let Some(from) = from else { return };
     let mut bytes = [0; 4096];
     if to.as_ref().is_none_or(|to| to.waiting.is_empty()) {
-        // A board that died reads as nothing.
+        // A board that died gives no bytes.
         let count = from.file.read(&mut bytes).unwrap_or(0);
         if let Some(to) = to.as_mut() {
             to.waiting.extend_from_slice(&bytes[..count]);

@@ -1,5 +1,5 @@
-//! An adapter that is unplugged and plugged in again in mid-run: the station takes it up again, and nothing of it is
-//! charged to the module.
+//! An adapter is unplugged and plugged in again during the run: the station takes it up again, and does not charge the
+//! module with it.
 
 #![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
 
@@ -22,10 +22,10 @@ const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
 /// The moments at which the plug is pulled; another seed gives other moments.
 const SEED: u64 = 20_261_123;
-/// Runs, each with so many pulls of the plug.
+/// Number of runs, each with so many pulls of the plug.
 const RUNS: usize = 25;
 const PULLS: usize = 4;
-/// All items that need nobody at the bench and no sky over simulated minutes.
+/// All items that need neither an operator nor a sky over simulated minutes.
 const ITEMS: &str = "identity,cpu,timers,internal-ram,sdram,spi-flash,internal-flash,imu,io,spi,sci";
 
 fn board(speed: &str, seed: &str) -> Board {
@@ -89,7 +89,7 @@ fn outcomes(record: &Value, item: &str) -> Vec<String> {
     attempts.filter_map(|attempt| attempt["outcome"].as_str().map(str::to_owned)).collect()
 }
 
-/// Away for a moment: the session outlives it, and so does what runs at the board.
+/// Away for a moment: the session survives it, and so do the requests that run at the board.
 #[test]
 fn a_plug_that_is_put_back_at_once_costs_nothing() {
     let mut bench = Bench::start("1", "identity,sdram");
@@ -102,8 +102,8 @@ fn a_plug_that_is_put_back_at_once_costs_nothing() {
     assert!(log.contains("adapter went away; back after 0."), "{log}");
 }
 
-/// Away until the station has given up the item: the module was made safe by the board's watchdog, and the item runs
-/// again because the plan says so.
+/// Away until the station has given up the item: the board's watchdog made the module safe, and the item runs again
+/// because the plan says so.
 #[test]
 fn a_plug_that_is_put_back_later_costs_an_attempt() {
     let mut bench = Bench::start("1", "identity,sdram,io");
@@ -120,7 +120,7 @@ fn a_plug_that_is_put_back_later_costs_an_attempt() {
     assert!(log.contains("the run waits 10 s for it"), "{log}");
 }
 
-/// Nobody puts it back: errored, not failed, and the rest of the plan is not run.
+/// The adapter is not plugged in again: errored, not failed, and the rest of the plan is not run.
 #[test]
 fn a_plug_that_stays_out_is_the_bench_s_fault() {
     let mut bench = Bench::start("1", "identity,sdram,spi-flash");
@@ -132,7 +132,7 @@ fn a_plug_that_stays_out_is_the_bench_s_fault() {
     assert!(log.contains("adapter went away and did not come back in 10 s"), "{log}");
 }
 
-/// A board that gets its power by the same plug starts anew with it: no item is charged with that.
+/// A board that gets its power through the same plug restarts with it: no item is charged with that.
 #[test]
 fn a_board_that_restarts_with_the_plug_is_nobody_s_fault() {
     let mut bench = Bench::start("1", "identity,sdram");
@@ -148,7 +148,7 @@ fn a_board_that_restarts_with_the_plug_is_nobody_s_fault() {
     assert!(log.contains("the board restarted") || log.contains("the run waits"), "{log}");
 }
 
-/// A line that damages every frame, as one at another rate does, is told from a silent one.
+/// A line that damages every frame, for example at another rate, is distinguished from a silent one.
 #[test]
 fn bytes_that_are_no_frames_are_told_from_silence() {
     let place = Place::new(STATION);
@@ -159,7 +159,7 @@ fn bytes_that_are_no_frames_are_told_from_silence() {
     assert!(run.stdout.contains("not one whole frame") && run.stdout.contains("the same rate"), "{}", run.stdout);
 }
 
-/// Somebody stops the run while the plug is out.
+/// The operator stops the run while the plug is out.
 #[test]
 fn a_stop_does_not_wait_for_the_plug() {
     let mut bench = Bench::start("1", "identity,sdram");
@@ -176,7 +176,7 @@ fn a_stop_does_not_wait_for_the_plug() {
     assert!(!log.contains("did not come back"), "{log}");
 }
 
-/// The plug is pulled at any moment, again and again: a good module is never failed.
+/// The plug is pulled at random moments, repeatedly: a good module never fails.
 #[test]
 fn a_loose_plug_never_fails_a_good_module() {
     println!("seed {SEED}");

@@ -1,18 +1,18 @@
-//! Which modules of a crate depend on which, and cycles among them.
+//! Dependencies between the modules of a crate, and cycles among them.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::source::{Module, Named};
 
-/// The name of a crate's root among its modules.
+/// Name of a crate's root among its modules.
 pub(crate) const ROOT: &str = "lib.rs";
 
-/// From a module to another, each with a place that shows it.
+/// Edges from a module to another, each with a place that shows it.
 pub(crate) type Edges = BTreeMap<String, BTreeMap<String, String>>;
 
 /// The edges between a crate's top-level modules and its root.
 ///
-/// A re-export is no edge: code that names `crate::Board` depends on the module that `Board` comes from.
+/// A re-export is not an edge: code that names `crate::Board` depends on the module that `Board` comes from.
 #[must_use]
 pub(crate) fn edges(modules: &[Module]) -> Edges {
     let tops: BTreeSet<&str> = modules.iter().filter_map(|module| single(&module.path)).collect();
@@ -47,7 +47,7 @@ fn single(path: &[String]) -> Option<&str> {
     }
 }
 
-/// The top-level module that the name leads to; `None` for what is none of this crate's.
+/// The top-level module to which the name leads; `None` if it does not belong to this crate.
 fn target<'a>(
     module: &Module,
     named: &'a Named,
@@ -56,7 +56,7 @@ fn target<'a>(
 ) -> Option<&'a str> {
     let full = absolute(&module.path, &named.path, tops)?;
     let Some(first) = full.first().map(String::as_str) else { return Some(ROOT) };
-    // A word that happens to be called as a module is none, unless a path begins with it.
+    // A single word that equals the name of a module is not a module, unless a path begins with it.
     let is_word = module.path.is_empty() && named.path.len() == 1 && named.known_as.is_none();
     if let Some(top) = tops.get(first).filter(|_| !is_word) {
         return Some(top);
@@ -71,7 +71,7 @@ fn target<'a>(
     }
 }
 
-/// The name from the crate's root on; `None` where it begins elsewhere.
+/// The name as a path from the crate's root; `None` if it begins elsewhere.
 fn absolute(module: &[String], path: &[String], tops: &BTreeSet<&str>) -> Option<Vec<String>> {
     let (first, rest) = path.split_first()?;
     match first.as_str() {
@@ -82,13 +82,13 @@ fn absolute(module: &[String], path: &[String], tops: &BTreeSet<&str>) -> Option
             let kept = module.len().saturating_sub(ups);
             Some([&module[..kept], &path[ups..]].concat())
         }
-        // At the root a path may begin with a module, or be a word.
+        // At the root a path may begin with a module, or may be a single word.
         first if module.is_empty() && (tops.contains(first) || path.len() == 1) => Some(path.to_vec()),
         _ => None,
     }
 }
 
-/// A shortest cycle for each knot of modules, written as its edges.
+/// A shortest cycle for each group of modules that depend on each other, written as its edges.
 #[must_use]
 pub(crate) fn cycles(edges: &Edges) -> Vec<String> {
     let mut found = Vec::new();
@@ -111,7 +111,7 @@ pub(crate) fn cycles(edges: &Edges) -> Vec<String> {
     found
 }
 
-/// A shortest way of at least one edge, both ends included.
+/// A shortest path of at least one edge, including both ends.
 fn way<'a>(edges: &'a Edges, from: &'a str, to: &'a str) -> Option<Vec<&'a str>> {
     let mut came_from: BTreeMap<&str, &str> = BTreeMap::new();
     let mut waiting = VecDeque::from([from]);

@@ -1,6 +1,6 @@
 //! The walls between the crates and between their modules, as `ARCHITECTURE.md` draws them.
 //!
-//! The page holds the one table of what is built on what: a change of it is a change of the page.
+//! Only the page holds the table of dependencies: a change of a dependency is a change of the page.
 
 mod graph;
 mod page;
@@ -15,17 +15,17 @@ use graph::{cycles, edges};
 use source::{Module, modules};
 use workspace::{Crate, crates, users};
 
-/// No crate holds more of all lines, in percent.
+/// Largest share of all lines that a crate may hold, in percent.
 const LARGEST_SHARE_PERCENT: usize = 40;
 
 fn page() -> std::io::Result<String> {
     std::fs::read_to_string(gnc_tests::repository().join("ARCHITECTURE.md"))
 }
 
-/// Read once for all tests.
+/// The workspace, read once for all tests.
 static WORKSPACE: LazyLock<Result<Vec<Crate>, String>> = LazyLock::new(|| crates(&gnc_tests::repository()));
 
-/// Fails with all that is wrong at once.
+/// Fails with all mistakes at once.
 #[track_caller]
 fn none_of(mistakes: &[String]) {
     assert!(mistakes.is_empty(), "\n{}\n", mistakes.join("\n"));
@@ -114,7 +114,7 @@ fn no_crate_is_too_large_a_part() {
     none_of(&large.map(|one| format!("{} has {} of {all} lines", one.name, one.lines)).collect::<Vec<_>>());
 }
 
-/// The modules of a crate whose files are these.
+/// The modules of a crate with these files.
 fn made_up(files: &[(&str, &str)]) -> Result<Vec<Module>, String> {
     let load =
         |wanted: &Path| files.iter().find(|(file, _)| Path::new(file) == wanted).map(|(_, text)| (*text).to_owned());
@@ -130,7 +130,7 @@ fn a_circle_is_found_however_it_is_written() {
         "use super::{self as root, a::{A}};",
         "fn f() { println!(\"{}\", crate::a::f()); }",
         "mod inner { fn f() -> super::super::a::A { todo!() } }",
-        // By way of what the root passes on, and what the root has itself.
+        // Through names that the root passes on, and through the root's own names.
         "use crate::PassedOn;",
         "fn f() { crate::renamed() }",
         "use crate::Own;",

@@ -1,13 +1,13 @@
-//! What `ARCHITECTURE.md` says of the crates: its tables and its picture.
+//! The content of `ARCHITECTURE.md` about the crates: its tables and its picture.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Names of crates, or of what they use, by name.
+/// Names of crates or libraries, by name.
 pub(crate) type Names = BTreeMap<String, BTreeSet<String>>;
 
 /// The first table that has this first heading: the names in its second column by those in its first.
 ///
-/// Names stand in backticks; other words say something to people only.
+/// Names stand in backticks; other words are only for people.
 ///
 /// # Errors
 /// There is no such table, or a name stands in two rows.
@@ -32,7 +32,7 @@ pub(crate) fn table(page: &str, heading: &str) -> Result<Names, String> {
     Ok(names)
 }
 
-/// The words of the picture, line by line: the first block of text on the page.
+/// The words of the picture, line by line: it is the first block of text on the page.
 #[must_use]
 pub(crate) fn picture(page: &str) -> Vec<Vec<String>> {
     page.lines()

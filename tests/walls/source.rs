@@ -1,40 +1,40 @@
-//! The source of a crate as modules, and what each names by path. Code that only tests see is left out.
+//! The source of a crate as modules, and the paths that each module names. Code for tests only is left out.
 
 use std::path::{Path, PathBuf};
 
 use proc_macro2::{Delimiter, Group, TokenStream, TokenTree};
 
-/// Reads a file of the crate; `None`: there is none.
+/// Reads a file of the crate; `None` if there is no such file.
 pub(crate) type Load<'a> = &'a dyn Fn(&Path) -> Option<String>;
 
-/// A path that code names, such as `crate::link::Target`, and where it stands.
+/// A path that code names, such as `crate::link::Target`, and its place.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Named {
     /// Its segments; the last one of a glob is `*`.
     pub path: Vec<String>,
     /// The line of its first segment.
     pub line: usize,
-    /// By what a `use` makes it known here.
+    /// The name under which a `use` makes it known here.
     pub known_as: Option<String>,
-    /// Whether that `use` is only for others (`pub use`).
+    /// Whether that `use` also passes the name on (`pub use`).
     pub passed_on: bool,
 }
 
-/// A module with its own code, without that of the modules in it.
+/// A module with its own code, without the code of its submodules.
 #[derive(Debug)]
 pub(crate) struct Module {
-    /// Names from the root of the crate, which itself has none.
+    /// Names from the root of the crate; empty for the root itself.
     pub path: Vec<String>,
-    /// The file it stands in.
+    /// The file that contains it.
     pub file: PathBuf,
-    /// All that it names by path, and at the root single words too.
+    /// All paths that it names, and for the root also single words.
     pub named: Vec<Named>,
 }
 
 /// All modules of the crate whose root is the file `root`.
 ///
 /// # Errors
-/// A file that is missing or that is no Rust.
+/// A file is missing or is not Rust.
 pub(crate) fn modules(root: &Path, load: Load<'_>) -> Result<Vec<Module>, String> {
     let mut found = Vec::new();
     let folder = root.parent().unwrap_or(Path::new(""));
@@ -42,7 +42,7 @@ pub(crate) fn modules(root: &Path, load: Load<'_>) -> Result<Vec<Module>, String
     Ok(found)
 }
 
-/// Reads the module's file and those of the modules in it, which lie in `folder`.
+/// Reads the module's file and the files of its submodules, which lie in `folder`.
 fn read(module: Module, folder: &Path, load: Load<'_>, found: &mut Vec<Module>) -> Result<(), String> {
     let text = load(&module.file).ok_or_else(|| format!("{}: no such file", module.file.display()))?;
     let tokens: TokenStream = text.parse().map_err(|error| format!("{}: {error}", module.file.display()))?;
@@ -74,12 +74,12 @@ fn walk(
     Ok(())
 }
 
-/// What is found in the code of one module.
+/// The findings in the code of one module.
 struct Inside {
     named: Vec<Named>,
-    /// Modules in files of their own.
+    /// Submodules in separate files.
     files: Vec<String>,
-    /// Modules in place.
+    /// Submodules in the same file.
     inline: Vec<(String, TokenStream)>,
     /// Whether single words count too.
     words: bool,
@@ -93,7 +93,7 @@ impl Inside {
         }
     }
 
-    /// Takes what stands at `at`: how many tokens it has.
+    /// Processes the code at `at`; returns its number of tokens.
     fn next(&mut self, tokens: &[TokenTree], at: usize) -> usize {
         let rest = &tokens[at..];
         match rest {
@@ -115,7 +115,7 @@ impl Inside {
                 self.tree(&rest[1..end], &[], passed_on);
                 end + 1
             }
-            // What may see an item is no use of it: `pub(in crate::compute)`.
+            // The scope of a visibility is not a use: `pub(in crate::compute)`.
             [TokenTree::Ident(word), TokenTree::Group(scope), ..]
                 if word == "pub" && scope.delimiter() == Delimiter::Parenthesis =>
             {
@@ -171,7 +171,7 @@ impl Inside {
             }
             rest = tail;
         }
-        // `a::{self}` is `a`; `self::a` keeps its head, which says where the path begins.
+        // `a::{self}` means `a`; `self::a` keeps its head, which says where the path begins.
         if path.len() > 1 && path.last().is_some_and(|last| last == "self") {
             path.pop();
         }
@@ -184,7 +184,7 @@ fn is_punct(token: &TokenTree, mark: char) -> bool {
     matches!(token, TokenTree::Punct(punct) if punct.as_char() == mark)
 }
 
-/// Whether what stands at `at` goes on with a path: `::` before it, and something before that which the `::` belongs to.
+/// Whether the token at `at` continues a path: `::` before it, and before that a token to which the `::` belongs.
 fn is_in_path(tokens: &[TokenTree], at: usize) -> bool {
     at >= 3
         && is_punct(&tokens[at - 1], ':')
@@ -205,7 +205,7 @@ fn is_for_tests(attribute: &Group) -> bool {
     }
 }
 
-/// How many tokens the item has: to its `;` or its braces. What is no item, a field or an arm, is not skipped.
+/// Number of tokens of the item, up to its `;` or its braces. A field or an arm is not an item and is not skipped.
 fn item_length(tokens: &[TokenTree]) -> usize {
     const ITEMS: [&str; 16] = [
         "pub",

@@ -1,4 +1,4 @@
-//! The workspace as its manifests and files tell it.
+//! The workspace according to its manifests and files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -8,28 +8,28 @@ use crate::source::{Module, modules};
 /// A crate of the workspace.
 #[derive(Debug)]
 pub(crate) struct Crate {
-    /// As other manifests call it.
+    /// Its name in other manifests.
     pub name: String,
     /// Crates of the workspace that its manifest names.
     pub built_on: BTreeSet<String>,
-    /// Its modules, without those for tests.
+    /// Its modules, without test modules.
     pub modules: Vec<Module>,
-    /// Lines of Rust in its folder, tests and benches among them.
+    /// Lines of Rust in its folder, including tests and benches.
     pub lines: usize,
 }
 
 impl Crate {
-    /// As code calls it.
+    /// Its name in code.
     #[must_use]
     pub(crate) fn in_code(&self) -> String {
         self.name.replace('-', "_")
     }
 }
 
-/// The crates of the workspace but its tests, which may use everything.
+/// The crates of the workspace except its tests, which may use every crate.
 ///
 /// # Errors
-/// A manifest or a source that cannot be read.
+/// A manifest or a source cannot be read.
 pub(crate) fn crates(root: &Path) -> Result<Vec<Crate>, String> {
     let workspace = manifest(&root.join("Cargo.toml"))?;
     let members: Vec<&str> = workspace["workspace"]["members"]
@@ -65,7 +65,7 @@ fn manifest(file: &Path) -> Result<toml::Table, String> {
     text.parse().map_err(|error| format!("{}: {error}", file.display()))
 }
 
-/// All that a manifest names in its tables of dependencies, those for tests and for one kind of machine among them.
+/// All names in a manifest's tables of dependencies, including those for tests and for one kind of machine.
 fn dependencies(table: &toml::Table) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for (key, value) in table {
@@ -94,7 +94,7 @@ fn lines(folder: &Path) -> Result<usize, String> {
     })
 }
 
-/// Which crates name something that begins so (`std::fs`, `clap`), each with a place.
+/// The crates that name a path with this beginning (`std::fs`, `clap`), each with a place.
 #[must_use]
 pub(crate) fn users<'a>(crates: &'a [Crate], beginning: &str) -> BTreeMap<&'a str, String> {
     let wanted: Vec<&str> = beginning.split("::").collect();
@@ -102,7 +102,7 @@ pub(crate) fn users<'a>(crates: &'a [Crate], beginning: &str) -> BTreeMap<&'a st
     for one in crates {
         let place = one.modules.iter().find_map(|module| {
             let named = module.named.iter().find(|named| {
-                // A single word of a root is no path.
+                // A single word of a root is not a path.
                 (named.path.len() > 1 || named.known_as.is_some())
                     && named.path.len() >= wanted.len()
                     && named.path.iter().zip(&wanted).all(|(a, b)| a == b)

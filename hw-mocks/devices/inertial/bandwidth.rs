@@ -1,4 +1,4 @@
-//! The bandwidth of a sensor: a low-pass on all that it feels and on its white noise, exactly at any rate of samples.
+//! The bandwidth of a sensor: a low-pass on all of its inputs and on its white noise, exact at any sample rate.
 //!
 //! A sample is the mean of the filtered signal over its interval `T`, as an averaging decimator gives it. So the mean of
 //! five samples at 1 kHz is distributed as one at 200 Hz, no noise folds down to frequency zero, and the spectrum of
@@ -9,11 +9,11 @@
 //! |H(f)|^2 = 1 / (1 + (f / f0)^(2 order))
 //! ```
 //!
-//! The filter is the Butterworth one of its order: `x1' = w (u - x1)`, or `x1' = w x2`, `x2' = w (u - x1 - sqrt(2) x2)`
-//! with `w = 2 pi f0`, the output x1, the input u. Between samples the input is taken as linear in time. White noise has
-//! no value to be linear between; its part of the states and of the mean is Gaussian with a covariance `Q`, and the
-//! steady innovations form (Anderson and Moore, Optimal Filtering, 1979, chapter 9.3) gives a process of exactly these
-//! covariances from one random number a sample.
+//! The filter is the Butterworth filter of its order: `x1' = w (u - x1)`, or `x1' = w x2`,
+//! `x2' = w (u - x1 - sqrt(2) x2)` with `w = 2 pi f0`, the output x1, the input u. Between samples the input is taken
+//! as linear in time. White noise has no value to interpolate. Its part of the states and of the mean is Gaussian with
+//! a covariance `Q`. The steady innovations form (Anderson and Moore, Optimal Filtering, 1979, chapter 9.3) gives a
+//! process of exactly these covariances from one random number a sample.
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 
@@ -24,9 +24,9 @@ use crate::noise::Dice;
 /// A low-pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bandwidth {
-    /// Where the power is down to a half.
+    /// Frequency at which the power is down to a half.
     pub cutoff_hz: f64,
-    /// How steep it falls.
+    /// Steepness of the roll-off.
     pub order: FilterOrder,
 }
 
@@ -40,8 +40,8 @@ pub enum FilterOrder {
 }
 
 impl Bandwidth {
-    /// What becomes of a sinusoid in means over `span_s`: the factor of its amplitude, and by how much it comes later
-    /// than the sinusoid at the end of the span, rad.
+    /// The response to a sinusoid in means over `span_s`: the factor of its amplitude, and its delay against the
+    /// sinusoid at the end of the span, rad.
     #[must_use]
     pub(crate) fn response(&self, frequency_hz: f64, span_s: f64) -> (f64, f64) {
         let ratio = frequency_hz / self.cutoff_hz;
@@ -75,7 +75,7 @@ impl Bandwidth {
     }
 }
 
-/// A low-pass in steps of one interval: what takes its states and inputs to the next ones and to the mean between.
+/// A low-pass in steps of one interval: the matrices that take its states and inputs to the next ones and to the mean.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LowPass {
     states: Matrix2<f64>,
@@ -86,7 +86,7 @@ pub(super) struct LowPass {
     mean_of_input: f64,
     mean_of_rise: f64,
     mean_of_noise: f64,
-    /// A root of the covariance of the states that past noise leaves.
+    /// A square root of the covariance of the states from past noise.
     spread: Matrix2<f64>,
 }
 
@@ -123,13 +123,14 @@ impl LowPass {
         }
     }
 
-    /// An axis that has felt `input` and noise of density `white^2` for long.
+    /// The filter of an axis that has settled at `input` and noise of density `white^2`.
     pub(super) fn settled(&self, input: f64, white: f64, dice: &mut Dice) -> Filtered {
         let past = self.spread * Vector2::new(dice.normal(), dice.normal());
         Filtered { states: Vector2::new(input, 0.0) + past * white, input }
     }
 
-    /// Mean over the interval that ends now, when the input is `input`; `chance` is of the standard normal distribution.
+    /// Mean over the interval that ends now with the input `input`; `chance` comes from the standard normal
+    /// distribution.
     pub(super) fn step(&self, axis: &mut Filtered, input: f64, white: f64, chance: f64) -> f64 {
         let (before, rise, noise) = (axis.input, input - axis.input, white * chance);
         let signal = (self.mean * axis.states)[0] + self.mean_of_input * before + self.mean_of_rise * rise;
@@ -142,9 +143,9 @@ impl LowPass {
     }
 }
 
-/// Covariance of what white noise of density 1 adds to the states in an interval: `integral of e^(A s) B B' e^(A' s)`
-/// (Van Loan, Computing Integrals Involving the Matrix Exponential, 1978) over a part of the interval, doubled until it is
-/// the whole, since the exponential of `-A` outgrows all figures over a long one.
+/// Covariance that white noise of density 1 adds to the states in an interval: `integral of e^(A s) B B' e^(A' s)` (Van
+/// Loan, Computing Integrals Involving the Matrix Exponential, 1978). It is computed over a part of the interval and
+/// doubled until it covers the whole, since the exponential of `-A` overflows over a long interval.
 fn noise_covariance(a: &Matrix3<f64>, b: &Vector3<f64>, interval_s: f64) -> Matrix3<f64> {
     let doublings = (a.abs().max() * interval_s).log2().ceil().max(0.0);
     let part_s = interval_s / doublings.exp2();
@@ -162,17 +163,18 @@ fn noise_covariance(a: &Matrix3<f64>, b: &Vector3<f64>, interval_s: f64) -> Matr
     covariance
 }
 
-/// What a mean says that was not known from all earlier ones.
+/// The new information in a mean, beyond all earlier means.
 struct Innovations {
     deviation: f64,
-    /// What one unit of it moves the states by.
+    /// Change of the states for one unit of it.
     gain: Vector2<f64>,
-    /// Covariance of what the means do not say of the states.
+    /// Covariance of the states that the means leave unknown.
     error: Matrix2<f64>,
 }
 
 impl Innovations {
-    /// The Riccati equation is stepped until it stands still, which takes a few steps: means say nearly all of the states.
+    /// Steps the Riccati equation until it settles. This takes a few steps, since the means determine nearly all of the
+    /// states.
     fn steady(states: &Matrix2<f64>, integral: &RowVector2<f64>, q: &Matrix3<f64>, stationary: &Matrix2<f64>) -> Self {
         const MOST_STEPS: u32 = 10_000;
         let (of_states, shared) = (q.fixed_view::<2, 2>(0, 0), q.fixed_view::<2, 1>(0, 2));
@@ -196,7 +198,7 @@ impl Innovations {
     }
 }
 
-/// A lower triangle whose square is a covariance; rounding below zero counts as zero.
+/// A lower triangle whose square is a covariance; values below zero from rounding count as zero.
 fn root(covariance: &Matrix2<f64>) -> Matrix2<f64> {
     let first = covariance[(0, 0)].max(0.0).sqrt();
     let across = if first > 0.0 { covariance[(1, 0)] / first } else { 0.0 };

@@ -1,4 +1,4 @@
-//! What may be wrong with the sensors, with what they are fixed to, and with the bus that they are read over.
+//! Faults of the sensors, of their mounting, and of the bus by which they are read.
 
 use gnc_protocol::stream::SATURATION;
 use nalgebra::Vector3;
@@ -6,43 +6,43 @@ use nalgebra::Vector3;
 use crate::noise::Dice;
 use crate::world::ModuleAxis;
 
-/// Vibrations of one module, at most: more tell nothing that these do not, and each costs a sine a sample.
+/// Most vibrations of one module: more would show nothing new, and each costs a sine for each sample.
 pub(crate) const MOST_VIBRATIONS: usize = 4;
 
-/// What is wrong with a triad. In the sensors' unit; zeros and `None` are good sensors.
+/// Faults of a triad, in the sensors' unit; zeros and `None` mean good sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TriadFaults {
-    /// The converter of an axis repeats its first code for ever.
+    /// The converter of an axis repeats its first code forever.
     pub stuck: [bool; 3],
     /// An axis gives no signal: its code is 0.
     pub dead: [bool; 3],
-    /// Two axes arrive in each other's place.
+    /// The signals of two axes are exchanged.
     pub swapped: Option<(ModuleAxis, ModuleAxis)>,
-    /// White noise is so many times the model's.
+    /// Factor on the model's white noise.
     pub noise_factor: f64,
     /// Added to the bias.
     pub offset: Vector3<f64>,
-    /// The bias runs away by this in an hour, from each power-on on.
+    /// Drift of the bias in an hour, from each power-on on.
     pub drift_per_h: Vector3<f64>,
-    /// The bias wanders by this up and down, as a sine from each power-on on.
+    /// Amplitude of a sine in the bias, from each power-on on.
     pub wander: Vector3<f64>,
-    /// Period of that.
+    /// Period of that sine.
     pub wander_s: f64,
     /// Relative deviation of the scale factor from power-on to power-on.
     pub scale_turn_on: Vector3<f64>,
     /// Deviation of the response of X to the Y axis from power-on to power-on.
     pub coupling_turn_on: f64,
-    /// Inputs along the axis smaller than this give nothing.
+    /// Inputs along the axis smaller than this give no output.
     pub deadband: Vector3<f64>,
-    /// The signal moves in steps of this size; noise comes behind.
+    /// The signal moves in steps of this size; the noise is added after them.
     pub step: Vector3<f64>,
-    /// Outputs beyond this read as the end of the converter.
+    /// Outputs beyond this read as the end of the converter's range.
     pub range: Vector3<f64>,
     /// Outputs below this read as this.
     pub clip_low: Vector3<f64>,
     /// Outputs above this read as this.
     pub clip_high: Vector3<f64>,
-    /// Some conversions are upset.
+    /// Spikes in some conversions.
     pub spikes: Option<Spikes>,
     /// Some reads of the chip fail.
     pub failed_reads: Option<FailedReads>,
@@ -73,49 +73,49 @@ impl Default for TriadFaults {
     }
 }
 
-/// Conversions in which one sensor of the chip is upset.
+/// Conversions with a spike in one sensor of the chip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spikes {
-    /// Of all conversions: one in each run of `1 / share`.
+    /// Share of all conversions: one in each run of `1 / share`.
     pub share: f64,
-    /// What is added or subtracted, by chance, in the sensors' unit.
+    /// The size that is added or subtracted at random, in the sensors' unit.
     pub size: f64,
-    /// The sensor; `None`: any of the three, by chance.
+    /// The sensor; `None`: any of the three, at random.
     pub axis: Option<ModuleAxis>,
 }
 
 impl Spikes {
-    /// The sensor that is upset and what is added to it.
+    /// The disturbed sensor and the value that is added to it.
     pub(super) fn draw(&self, dice: &mut Dice) -> (usize, f64) {
-        // Six cases of one number: three sensors, two senses.
+        // One number chooses among six cases: three sensors, two senses.
         let case = dice.between(0.0, 6.0) as usize;
         let axis = self.axis.map_or(case % 3, ModuleAxis::index);
         (axis, if case < 3 { self.size } else { -self.size })
     }
 }
 
-/// Reads that fail: all channels of the chip then hold one value.
+/// Failed reads: all channels of the chip then hold one value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FailedReads {
-    /// Of all reads: one in each run of `1 / share`.
+    /// Share of all reads: one in each run of `1 / share`.
     pub share: f64,
-    /// What is read instead.
+    /// The code that is read instead.
     pub code: i32,
 }
 
 impl FailedReads {
-    /// What a bus gives that nothing drives: zeros, ones, or an end of the converter's range.
+    /// The codes of a bus without a driver: zeros, ones, or an end of the converter's range.
     pub const CODES: [i32; 4] = [0, -1, SATURATION, -SATURATION - 1];
 }
 
-/// Events of which one comes in each run of `1 / share` turns, at a place in the run that chance decides.
+/// Events: one in each run of `1 / share` turns, at a random place in the run.
 ///
-/// So many turns hold so many events, to one at either end: a fault near a limit is on the same side of it under every
-/// seed, and still comes at a place that no test can know.
+/// So the number of events for a number of turns is known to within one at either end. A fault near a limit is then on
+/// the same side of it under every seed, and still comes at a place that no test can know.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Dispersed {
     share: f64,
-    /// How much of the run has passed, and where in it the event lies.
+    /// How much of the run has passed, and the place of the event in it.
     passed: f64,
     event: f64,
 }
@@ -139,7 +139,7 @@ impl Dispersed {
     }
 }
 
-/// Reads as they fail.
+/// Failed reads, as they occur.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Failing {
     when: Dispersed,
@@ -151,16 +151,16 @@ impl Failing {
         Self { when: Dispersed::new(failed.share, dice), codes: [failed.code; 3] }
     }
 
-    /// What this read gives if it fails.
+    /// The codes of this read if it fails.
     pub(super) fn read(&mut self, dice: &mut Dice) -> Option<[i32; 3]> {
         self.when.comes(dice).then_some(self.codes)
     }
 }
 
-/// A sinusoid that the module is shaken with: the same one in all sensors that feel it, in phase.
+/// A sinusoid that shakes the module: the same one in all sensors that respond to it, in phase.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Vibration {
-    /// 0: none.
+    /// Frequency; 0: none.
     pub frequency_hz: f64,
     /// Amplitude of the angular rate, in the module's axes.
     pub rate_dps: Vector3<f64>,
@@ -179,10 +179,10 @@ pub struct SensorFaults {
     pub accel: TriadFaults,
     /// Magnetometer.
     pub mag: TriadFaults,
-    /// The magnetometer's Y is sampled so much later than the rest.
+    /// Delay of the magnetometer's Y sample against the rest.
     pub mag_y_skew_us: f64,
-    /// What the module is shaken with.
+    /// The vibrations of the module.
     pub vibrations: [Vibration; MOST_VIBRATIONS],
-    /// Some reads of all three chips fail at once.
+    /// Some reads fail for all three chips at once.
     pub failed_reads: Option<FailedReads>,
 }

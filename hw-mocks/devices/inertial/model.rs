@@ -1,8 +1,9 @@
-//! What good modules are like, and where the numbers come from.
+//! Models of good modules, and the sources of their numbers.
 //!
-//! The published results of five modules (table 2 of the module's specification) give for the X axis of each the standard
-//! deviation of 10-second means over an hour (bias stability) and of 10-minute means after power cycles (bias
-//! repeatability). Y and Z, which are not published, have values of the same kind, stated here ([`PUBLISHED`]).
+//! The published results of five modules (table 2 of the module's specification) give two figures for the X axis of
+//! each: the standard deviation of 10-second means over an hour (bias stability) and of 10-minute means after power
+//! cycles (bias repeatability). Y and Z are not published; their values are of the same kind and stated here
+//! ([`PUBLISHED`]).
 //!
 //! | number | gyroscope | accelerometer | from |
 //! | --- | --- | --- | --- |
@@ -17,9 +18,9 @@
 //! | bandwidth | 80 Hz, two poles | 80 Hz, two poles | industrial gyroscopes with a digital output: the ADXRS453 is of the kind |
 //!
 //! The magnetometer has 60 microgauss of white noise at 200 Hz (half the published resolution), up to 0.02 gauss of
-//! hard iron, 1.5 % of soft iron, 3 microgauss of slow noise with 20 s of correlation, 10 microgauss/K, and no bandwidth
-//! below any rate. A sample stands for the mean over its interval, so white noise grows with the root of the rate, as far
-//! as the bandwidth lets it. Codes are those of a 24-bit converter: they saturate, they do not wrap.
+//! hard iron, 1.5 % of soft iron, 3 microgauss of slow noise with 20 s of correlation, 10 microgauss/K, and no
+//! bandwidth limit at any rate. A sample stands for the mean over its interval, so white noise grows with the root of
+//! the rate, as far as the bandwidth lets it. Codes are those of a 24-bit converter: they saturate and do not wrap.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -34,7 +35,7 @@ const GYRO_WHITE: f64 = 9.0 / 3600.0;
 /// White noise of the accelerometers, g sqrt(s).
 const ACCEL_WHITE: f64 = 0.1e-3;
 
-/// Slow noise of the magnetometer, gauss, and its zero per kelvin: usual for magnetoresistive parts with set and reset.
+/// Slow noise of the magnetometer, gauss, and its bias per kelvin: usual for magnetoresistive parts with set and reset.
 const MAG_SLOW: f64 = 3e-6;
 const MAG_PER_K: f64 = 10e-6;
 
@@ -87,16 +88,16 @@ pub struct TriadModel {
     pub bias_per_k: f64,
     /// Relative change of the response per kelvin.
     pub response_per_k: f64,
-    /// The white noise's deviation grows as the exponential of this and of the kelvins above 25 degC.
+    /// Growth of the white noise: its deviation has the factor exp(this times the kelvins above 25 degC).
     pub noise_per_k: Vector3<f64>,
-    /// Low-pass in the chip; `None`: none that matters.
+    /// Low-pass in the chip; `None`: its effect is negligible.
     pub bandwidth: Option<Bandwidth>,
-    /// Conversions of the chip; `None`: as many as are read.
+    /// Conversions of the chip a second; `None`: one for each read.
     pub update_rate_hz: Option<f64>,
 }
 
 impl TriadModel {
-    /// Sets the noise from bias stabilities and repeatabilities, in the sensors' unit, as [`AxisNoise::published`] says.
+    /// Sets the noise from bias stabilities and repeatabilities, in the sensors' unit; see [`AxisNoise::published`].
     #[must_use]
     pub(crate) fn with_published(mut self, published: &Published) -> Self {
         self.noise = core::array::from_fn(|axis| {
@@ -106,7 +107,7 @@ impl TriadModel {
         self
     }
 
-    /// Gyroscopes of the kind published, deg/s, from figures in deg/h.
+    /// Gyroscopes like the published ones, deg/s, from figures in deg/h.
     #[must_use]
     pub fn gyroscopes(published: &Published) -> Self {
         let noise = [AxisNoise { white: GYRO_WHITE, correlation_s: 15.0, ..AxisNoise::default() }; 3];
@@ -123,7 +124,7 @@ impl TriadModel {
         .with_published(&published.scaled(1.0 / 3600.0))
     }
 
-    /// Accelerometers of the kind published, g, from figures in mg.
+    /// Accelerometers like the published ones, g, from figures in mg.
     #[must_use]
     pub fn accelerometers(published: &Published) -> Self {
         let noise = [AxisNoise { white: ACCEL_WHITE, correlation_s: 8.0, ..AxisNoise::default() }; 3];

@@ -1,4 +1,4 @@
-//! The noise of a sensor, exactly, and a simulation of it without frames, codes and a world.
+//! The exact noise of a sensor, and a simulation of it without frames, codes and a world.
 //!
 //! The error of an axis beside its fixed bias is the sum of four parts, all Gaussian and independent:
 //!
@@ -9,33 +9,33 @@
 //! | flicker | the sum of four Gauss-Markov processes of deviation `flicker` each, with the correlation times [`FLICKER_S`]: its spectrum falls as 1/f between 16 microhertz and 16 millihertz, within 1 dB |
 //! | turn-on | a constant of deviation `turn_on`, drawn at each power-on |
 //!
-//! Slow and flicker run on whether the module is under power or not. The samples of the bench hold them over steps of
-//! `STEP_S`; [`NoiseSimulation::mean`] integrates them exactly, which for spans of seconds is the same to 1e-4.
+//! Slow and flicker noise go on even without power. The samples of the bench hold them over steps of `STEP_S`;
+//! [`NoiseSimulation::mean`] integrates them exactly, which for spans of seconds is the same to 1e-4.
 //!
-//! With `V(T; t, p, n)` the expectation of the sample variance of `n` means over `t`, begun every `p`, of a unit
-//! Gauss-Markov process ([`variance_of_means`]), bias stability (10 s means on end for an hour) and repeatability (six
-//! means of 600 s, every 1200 s, after power cycles) have expected variances
+//! `V(T; t, p, n)` is the expectation of the sample variance of `n` means over `t`, begun every `p`, of a unit
+//! Gauss-Markov process ([`variance_of_means`]). Bias stability comes from consecutive 10 s means for an hour, and
+//! repeatability from six means of 600 s, every 1200 s, after power cycles. Their expected variances are
 //!
 //! ```text
 //! stability^2     = white^2 / 10  + slow^2 V(T; 10, 10, 360)  + flicker^2 F(10, 10, 360)
 //! repeatability^2 = white^2 / 600 + slow^2 V(T; 600, 1200, 6) + flicker^2 F(600, 1200, 6) + turn_on^2
 //! ```
 //!
-//! with F the sum of V over [`FLICKER_S`]. `AxisNoise::published` solves them; what flicker takes of the second is
-//! `FLICKER_SHARE`, or less where the first would leave too little for the slow part.
+//! with F the sum of V over [`FLICKER_S`]. `AxisNoise::published` solves them. The share of flicker in the second is
+//! `FLICKER_SHARE`, or less if the first would leave too little for the slow part.
 
 use nalgebra::Vector3;
 
 use super::model::TriadModel;
 use crate::noise::{Dice, GaussMarkov, RandomStream};
 
-/// What is slow moves in steps of this: 0.7 % of the shortest correlation time.
+/// Step of the slow noise: 0.7 % of the shortest correlation time.
 pub(crate) const STEP_S: f64 = 0.1;
 /// Correlation times of the four processes that make flicker noise.
 pub const FLICKER_S: [f64; 4] = [10.0, 100.0, 1000.0, 10_000.0];
-/// Share of flicker in what white and slow noise leave of the repeatability's variance.
+/// Share of flicker noise in the repeatability's variance without white and slow noise.
 pub(crate) const FLICKER_SHARE: f64 = 0.3;
-/// Largest share of flicker in what white noise leaves of the stability's variance.
+/// Largest share of flicker noise in the stability's variance without white noise.
 const FLICKER_OF_STABILITY: f64 = 0.5;
 
 /// The noise of one sensor, in its unit.
@@ -54,7 +54,7 @@ pub struct AxisNoise {
 }
 
 impl Default for AxisNoise {
-    /// None.
+    /// No noise.
     fn default() -> Self {
         Self { white: 0.0, slow: 0.0, correlation_s: 100.0, flicker: 0.0, turn_on: 0.0 }
     }
@@ -78,7 +78,7 @@ fn flicker_variance(span_s: f64, every_s: f64, count: u32) -> f64 {
 }
 
 impl AxisNoise {
-    /// The noise that has these figures as expectations, in the root mean square.
+    /// The noise whose expectations, as root mean squares, are these figures.
     #[must_use]
     pub(crate) fn published(white: f64, correlation_s: f64, stability: f64, repeatability: f64) -> Self {
         let slow_10 = variance_of_means(correlation_s, 10.0, 10.0, 360);
@@ -132,8 +132,8 @@ impl SlowNoise {
     }
 }
 
-/// The errors of three sensors at a steady temperature, without a world, codes or frames: for parametric bootstraps of
-/// what a test should find. Of the model only the fixed bias and the noise count.
+/// The errors of three sensors at a steady temperature, without a world, codes or frames. It serves parametric
+/// bootstraps of the result that a test should find. Only the fixed bias and the noise of the model count.
 #[derive(Debug, Clone)]
 pub struct NoiseSimulation {
     model: TriadModel,
@@ -143,7 +143,7 @@ pub struct NoiseSimulation {
 }
 
 impl NoiseSimulation {
-    /// Sensors under a seed, just switched on.
+    /// Sensors under a seed, just powered on.
     #[must_use]
     pub fn new(model: &TriadModel, seed: u64) -> Self {
         let mut dice = Dice::new(seed, RandomStream::Bootstrap);
@@ -153,20 +153,20 @@ impl NoiseSimulation {
         simulation
     }
 
-    /// Power was switched off and on.
+    /// Switches power off and on.
     pub fn power_on(&mut self) {
         self.turn_on = Vector3::from_fn(|axis, _| self.model.noise[axis].turn_on * self.dice.normal());
     }
 
-    /// Time passes without samples.
+    /// Lets time pass without samples.
     pub fn pause(&mut self, span_s: f64) {
         for slow in &mut self.slow {
             slow.step(span_s, &mut self.dice);
         }
     }
 
-    /// The mean over the next span, drawn from its exact law: as good as the mean of its samples at any rate, and as
-    /// fast as one of them.
+    /// The mean over the next span, drawn from its exact distribution. It is as good as the mean of its samples at any
+    /// rate, and takes the time of one sample.
     pub fn mean(&mut self, span_s: f64) -> Vector3<f64> {
         Vector3::from_fn(|axis, _| {
             let white = self.model.noise[axis].white / span_s.sqrt() * self.dice.normal();

@@ -1,4 +1,4 @@
-//! One of the three chips in its module: what its sensors make of what acts on the module.
+//! One of the three chips in its module: the outputs of its sensors for what acts on the module.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -8,18 +8,18 @@ use super::triad::SensorTriad;
 use crate::noise::Dice;
 use crate::world::{Influence, STANDARD_GRAVITY};
 
-/// What the sensors of a chip feel.
+/// What the sensors of a chip measure.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum SensorKind {
-    /// Angular rate, and force by their g-sensitivity, deg/s per g.
+    /// Angular rate, and force through their g-sensitivity, deg/s per g.
     Gyro { per_g: Matrix3<f64> },
     /// Specific force.
     Accel,
-    /// The magnetic field, on Y by so much later.
+    /// The magnetic field; Y is sampled later by this time.
     Mag { y_skew_s: f64 },
 }
 
-/// A chip, with what it gives as long as neither it nor what acts on it changes.
+/// A chip, with its outputs as long as neither it nor its inputs change.
 #[derive(Debug, Clone)]
 pub(super) struct ChipPart {
     kind: SensorKind,
@@ -30,13 +30,13 @@ pub(super) struct ChipPart {
 #[derive(Debug, Clone, Copy)]
 struct Held {
     influence: Influence,
-    /// What acts when Y is sampled, where that is another moment.
+    /// What acts when Y is sampled, if that is another moment.
     on_y: Option<Influence>,
     output: Vector3<f64>,
     shaken: [Vector3<f64>; MOST_VIBRATIONS],
 }
 
-/// The chance of white noise and that of spikes and failed reads.
+/// The random numbers of white noise, and those of spikes and failed reads.
 pub(super) struct Chance<'a> {
     pub(super) white: &'a mut Dice,
     pub(super) upset: &'a mut Dice,
@@ -47,7 +47,7 @@ impl ChipPart {
         Self { kind, triad, held: None }
     }
 
-    /// Something changed: what was held is to be worked out again.
+    /// Discards the held outputs after a change: they must be computed again.
     pub(super) fn let_go(&mut self) {
         self.held = None;
     }
@@ -65,7 +65,7 @@ impl ChipPart {
         }
     }
 
-    /// Amplitudes in the output of what shakes the module.
+    /// Amplitudes of a vibration in the output.
     fn shaken(&self, vibration: &Vibration, temperature_c: f64) -> Vector3<f64> {
         let response = self.triad.response(temperature_c);
         match self.kind {
@@ -75,8 +75,8 @@ impl ChipPart {
         }
     }
 
-    /// Reads the chip: three codes of its last conversion, which takes place first where one is due; or what a failed read
-    /// gives.
+    /// Reads the chip: the three codes of its last conversion, or those of a failed read. A conversion that is due
+    /// takes place first.
     pub(super) fn read(
         &mut self,
         chip: &mut Chip,

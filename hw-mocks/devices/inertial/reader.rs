@@ -1,4 +1,4 @@
-//! The sensors as one stream of samples sees them: three chips, each with its filter and its last conversion.
+//! The view of one sample stream on the sensors: three chips, each with its filter and its last conversion.
 
 use std::f64::consts::TAU;
 
@@ -10,10 +10,10 @@ use super::faults::{MOST_VIBRATIONS, Vibration};
 use super::model::TriadModel;
 use crate::noise::Dice;
 
-/// Reads the sensors at one rate, from its first sample on.
+/// Reads the sensors at one rate, starting with its first sample.
 ///
-/// Gyroscopes, accelerometers and magnetometer are a chip each. A chip that converts less often than it is read gives its
-/// last conversion again; one that converts as often as that or more gives the mean over the interval.
+/// Gyroscopes, accelerometers and magnetometer are one chip each. A chip that converts less often than it is read gives
+/// its last conversion again. A chip that converts at least as often gives the mean over the interval.
 #[derive(Debug, Clone)]
 pub struct SensorReader {
     pub(super) rate_hz: f64,
@@ -23,7 +23,7 @@ pub struct SensorReader {
 }
 
 impl SensorReader {
-    /// A reader of sensors of such models, shaken like this.
+    /// A reader of sensors with these models and vibrations.
     pub(super) fn new(models: &SensorModels, vibrations: &[Vibration; MOST_VIBRATIONS], rate_hz: f64) -> Self {
         let chip = |model| Chip::new(model, vibrations, rate_hz);
         Self { rate_hz, gyro: chip(&models.gyro), accel: chip(&models.accel), mag: chip(&models.mag) }
@@ -33,14 +33,14 @@ impl SensorReader {
 /// One chip under a reader.
 #[derive(Debug, Clone)]
 pub(super) struct Chip {
-    /// Where conversions are rarer than reads: their rate.
+    /// The rate of conversions, if it is below the rate of reads.
     converts_hz: Option<f64>,
     /// Number of the last conversion.
     conversion: Option<i64>,
     /// Its codes.
     pub(super) codes: [i32; 3],
     filter: Option<LowPass>,
-    /// From the first conversion on.
+    /// Set from the first conversion on.
     filtered: Option<[Filtered; 3]>,
     /// White noise of a conversion without a filter, as a multiple of the density.
     root_of_rate: f64,
@@ -54,7 +54,7 @@ impl Chip {
         let conversion_hz = converts_hz.unwrap_or(rate_hz);
         let through = |vibration: &Vibration| {
             let frequency_hz = vibration.frequency_hz;
-            // Without a filter motion is felt as it is at the moment.
+            // Without a filter the sensors measure the motion at the moment.
             let response = model.bandwidth.map(|bandwidth| bandwidth.response(frequency_hz, 1.0 / conversion_hz));
             let (factor, lag) = response.unwrap_or((1.0, 0.0));
             (frequency_hz, factor, lag)
@@ -70,17 +70,17 @@ impl Chip {
         }
     }
 
-    /// When the conversion took place that is read at `now_s`; `None` where it was read before.
+    /// The time of the conversion that is read at `now_s`; `None` if it was read before.
     pub(super) fn due(&mut self, now_s: f64) -> Option<f64> {
         let Some(converts_hz) = self.converts_hz else { return Some(now_s) };
-        // A read at the very moment of a conversion finds it, whichever way the product is rounded.
+        // A read at the exact moment of a conversion finds it, whatever the rounding of the product.
         let number = (now_s * converts_hz + 1e-6).floor();
         let due = self.conversion.is_none_or(|last| (last as f64) < number);
         self.conversion = Some(number as i64);
         due.then_some(number / converts_hz)
     }
 
-    /// What the converter sees when the sensors give `output`, with white noise of the density `white`^2.
+    /// The input of the converter for a sensor output `output`, with white noise of the density `white`^2.
     pub(super) fn feel(&mut self, output: &Vector3<f64>, white: &Vector3<f64>, dice: &mut Dice) -> Vector3<f64> {
         let Some(filter) = &self.filter else {
             return Vector3::from_fn(|axis, _| output[axis] + white[axis] * self.root_of_rate * dice.normal());
@@ -90,7 +90,7 @@ impl Chip {
         Vector3::from_fn(|axis, _| filter.step(&mut filtered[axis], output[axis], white[axis], dice.normal()))
     }
 
-    /// What vibrations of these amplitudes, as the sensors give them, add at a moment.
+    /// The sum of vibrations of these output amplitudes at a moment.
     pub(super) fn shaken(&self, amplitudes: &[Vector3<f64>; MOST_VIBRATIONS], moment_s: f64) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (amplitude, (frequency_hz, factor, lag)) in amplitudes.iter().zip(&self.vibrations) {

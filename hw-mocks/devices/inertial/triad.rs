@@ -1,4 +1,4 @@
-//! Three sensors of one kind: from what acts on them to codes, with their faults.
+//! Three sensors of one kind: from their inputs to codes, with their faults.
 
 use gnc_protocol::stream::SATURATION;
 use nalgebra::{Matrix3, Vector3};
@@ -18,10 +18,10 @@ pub(super) struct SensorTriad {
     slow: [SlowNoise; 3],
     turn_on: Vector3<f64>,
     drift: Vector3<f64>,
-    /// The model's response with what this power-on made of it.
+    /// The model's response, with the changes of this power-on.
     response: Matrix3<f64>,
     first: Option<[i32; 3]>,
-    /// Whether codes need a second look.
+    /// Whether faults may alter the codes.
     altered: bool,
     /// Root of the density of the white noise now.
     white: Vector3<f64>,
@@ -56,7 +56,7 @@ impl SensorTriad {
 
     pub(super) fn power_on(&mut self, dice: &mut Dice) {
         self.turn_on = Vector3::from_fn(|axis, _| self.model.noise[axis].turn_on * dice.normal());
-        // Drawn in every module, so that a fault leaves the other draws as they are.
+        // Drawn for every module, so that a fault does not shift the other draws.
         let scale = Vector3::from_fn(|axis, _| 1.0 + self.faults.scale_turn_on[axis] * dice.normal());
         self.response = Matrix3::from_diagonal(&scale) * self.model.response;
         self.response[(0, 1)] += self.faults.coupling_turn_on * dice.normal();
@@ -64,8 +64,8 @@ impl SensorTriad {
         self.first = None;
     }
 
-    /// Slow noise, drift and what the temperature makes of white noise: `span_s` have passed, the module is under power
-    /// for `powered_s`.
+    /// Moves slow noise, drift and the temperature's effect on white noise: `span_s` have passed, and the module has
+    /// had power for `powered_s`.
     pub(super) fn move_slowly(&mut self, span_s: f64, powered_s: f64, temperature_c: f64, dice: &mut Dice) {
         for slow in &mut self.slow {
             slow.step(span_s, dice);
@@ -131,9 +131,9 @@ impl SensorTriad {
         }
         let mut codes = [0; 3];
         for (axis, code) in codes.iter_mut().enumerate() {
-            // Of limits that are in the wrong order the upper one counts.
+            // If the limits are in the wrong order, the upper one counts.
             let value = seen[axis].max(self.faults.clip_low[axis]).min(self.faults.clip_high[axis]) * self.lsb_per_unit;
-            // Half away from zero; a cast keeps what is out of range at the end of it.
+            // Round half away from zero. The cast limits a value to the range of the type.
             *code = ((value + 0.5_f64.copysign(value)) as i32).clamp(-SATURATION - 1, SATURATION);
         }
         if self.altered { self.alter(codes) } else { codes }

@@ -1,4 +1,4 @@
-//! What the sensors are really like, in the words of a calibration: for tests that know the truth. Nothing of it may
+//! The true properties of the sensors, in the terms of a calibration, for tests that know the truth. They must not
 //! reach the station.
 
 use nalgebra::{Matrix3, Vector3};
@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 /// A triad at one moment: `N = lsb_per_unit (response f + bias + slow) + white noise`, f in the sensors' unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TriadTruth {
-    /// Rows are sensors, columns axes; with what this power-on and the temperature make of it.
+    /// Rows are sensors, columns axes; it includes the effects of this power-on and of the temperature.
     pub response: Matrix3<f64>,
     /// Bias with turn-on, drift and temperature, in the sensors' unit.
     pub bias: Vector3<f64>,

@@ -43,7 +43,7 @@ fn timers_keep_their_rate_and_count_their_interrupts() {
     let good = measure("good");
     assert_eq!((good.interrupts, good.intervals_ns.len()), (100, 100));
     assert!((mean(&good.intervals_ns) - 1_000_012.0).abs() < 5.0);
-    // Two latencies of 60 ns scatter make an interval's 85 ns.
+    // The scatter of two latencies of 60 ns gives 85 ns for an interval.
     assert!(good.intervals_ns.iter().all(|ns| ns.abs_diff(1_000_012) < 500));
     let fast = measure("timer-fast");
     assert!((mean(&fast.intervals_ns) - 980_000.0).abs() < 5.0);
@@ -214,7 +214,7 @@ fn error_records_are_bounded_and_numbered() {
         }
     }
     let first = host.ask(&ErrorRecords { from: 0 });
-    // A pair other than 2-3 that touches 2 or 3 shows the short: 8 ordered pairs, both levels, four times over.
+    // A pair other than 2-3 that includes line 2 or 3 shows the short: 8 ordered pairs, both levels, four times.
     assert_eq!(first.total, 64);
     assert_eq!(first.records.len(), 16);
     assert_eq!(first.records[0].kind, ErrorKind::IoMismatch as u16);
@@ -238,7 +238,7 @@ fn supply_is_read_and_a_bad_one_recorded() {
     assert!(low.ask(&ModulePower { on: 0 }).supply_uv < 20_000);
 }
 
-/// Power-on 3 is late by 750 ms, power-on 4 brings no module up, power-on 5 finds another module in the socket.
+/// Power-on 3 is late by 750 ms, power-on 4 starts no module, power-on 5 finds another module in the socket.
 #[test]
 fn starts_go_wrong_at_the_power_ons_that_are_named() {
     let faults = "[start]\nlate_every = 3\nlate_ms = 750\nhangs_every = 4\n[module]\nswapped_after = 4\n";
@@ -263,7 +263,8 @@ fn starts_go_wrong_at_the_power_ons_that_are_named() {
     }
     let own = answers[0].1.clone();
     assert!(own != "SIM-OTHER" && !own.is_empty());
-    // The supply settles for 150 ms, and the module starts at their end: eight tries of 100 ms find it silent.
+    // The supply settles for 150 ms, and the module starts at the end of that time: eight tries of 100 ms find it
+    // silent.
     let expected = [(1, own.clone()), (1, own.clone()), (9, own), (21, String::new()), (1, "SIM-OTHER".to_owned())];
     assert_eq!(answers, expected);
 }
@@ -356,7 +357,7 @@ fn a_silent_board_says_nothing_and_a_late_one_says_it_late() {
     assert!(late.now - started >= Duration::from_millis(80));
 }
 
-/// produced = received + dropped, whatever ended the stream.
+/// produced = received + dropped, for every kind of end of the stream.
 #[test]
 fn the_account_of_a_stream_closes_after_power_off_and_make_safe() {
     for by_power in [true, false] {
@@ -383,7 +384,7 @@ fn answers_go_ahead_of_samples_that_wait() {
         host.ask(&ModulePower { on: 1 });
         let rate_hz = if rate_baud == 115_200 { 200 } else { 1000 };
         host.ask(&StreamStart { stream: 1, rate_hz, count: 0, samples_per_frame: 10 });
-        // Nobody takes what comes.
+        // The output is not read.
         for _ in 0..8 {
             host.send(Kind::Event, 0, event::KEEP_ALIVE, Payload::new());
             for _ in 0..25 {

@@ -1,4 +1,4 @@
-//! The calibration in the module and the samples compensated by it, against frames worked out without this code.
+//! The calibration in the module and the samples compensated by it, against frames computed without this code.
 
 use gnc_protocol::calibration::{
     Calibration, CalibrationCommit, CalibrationRead, CalibrationState, CalibrationWrite, CompensatedSample,
@@ -29,7 +29,7 @@ fn samples<S: Wire>(frame: &StreamFrame) -> Vec<S> {
     frame.samples.chunks(size).map(|bytes| S::from_payload(bytes).unwrap()).collect()
 }
 
-/// Another calibration: other numbers, the same form.
+/// Another calibration with different numbers of the same form.
 fn another() -> Calibration {
     Calibration { id: 7002, accel_offset: [1.0, 2.0, 3.0], ..calibration() }
 }
@@ -94,7 +94,7 @@ fn a_calibration_is_written_committed_read_and_survives_power_cycles() {
     assert_eq!(host.refusal(&CalibrationRead {}).0, 6);
 }
 
-/// Whenever a commit is cut off, the calibration before it stays in force, and the next commit succeeds.
+/// At every moment of a cut-off commit the earlier calibration stays in force, and the next commit succeeds.
 #[test]
 fn a_commit_that_is_cut_off_leaves_the_old_one() {
     for (first, expected) in [(None, DAMAGED), (Some(calibration()), VALID)] {
@@ -118,7 +118,7 @@ fn a_commit_that_is_cut_off_leaves_the_old_one() {
     }
 }
 
-/// Flash and calibration share the part: an erase in a scratch sector keeps the calibration waiting, and touches it not.
+/// Flash and calibration share the part: an erase in a scratch sector delays the calibration and does not change it.
 #[test]
 fn it_shares_the_internal_flash() {
     let mut host = Host::powered("good");
@@ -135,7 +135,7 @@ fn compensated(host: &mut Host, rate_hz: u16, count: u32) -> Vec<CompensatedSamp
     let start = host.ask(&StreamStart { stream: 4, rate_hz, count, samples_per_frame: 0 });
     assert_eq!((start.format, start.samples_per_frame), (4, (rate_hz / 20).clamp(1, 10) as u8));
     let all = loop {
-        // Some may have come with the answer.
+        // Some samples may have come with the answer.
         let all: Vec<CompensatedSample> = host.streamed(4).iter().flat_map(samples).collect();
         if all.len() >= count as usize {
             break all;
@@ -156,7 +156,7 @@ fn a_module_with_the_true_calibration_reads_the_truth() {
     let mut host = Host::powered("good");
     assert_eq!(host.refusal(&StreamStart { stream: 4, rate_hz: 200, ..StreamStart::default() }).0, 10);
     let models = host.bench.truth().sensors;
-    // deg/s and g into SI, by hand; inverse of the response.
+    // deg/s and g in SI units, worked out by hand; inverse of the response.
     let rate = std::f64::consts::PI / 180.0 / 20_000.0;
     let force = 9.80665 / 160_000.0;
     let inverse = |matrix: nalgebra::Matrix3<f64>| matrix.try_inverse().unwrap();
@@ -179,7 +179,7 @@ fn a_module_with_the_true_calibration_reads_the_truth() {
     for axis in 0..3 {
         let rate_dph = mean(&samples, |s| s.rate[axis]) * 1e-8 * 180.0 / std::f64::consts::PI * 3600.0;
         let expected_dph = influence.rate_rps[axis].to_degrees() * 3600.0;
-        // Warm-up from 25 deg down to room, 0.0008 deg/s/K, and the slow bias.
+        // Warm-up from 25 deg down to room temperature, 0.0008 deg/s/K, and the slow bias.
         assert!((rate_dph - expected_dph).abs() < 35.0, "{axis}: {rate_dph} {expected_dph}");
         let force = mean(&samples, |s| s.force[axis]) * 1e-6;
         assert!((force - influence.force[axis]).abs() < 0.02, "{axis}: {force}");
@@ -190,7 +190,7 @@ fn a_module_with_the_true_calibration_reads_the_truth() {
     assert!(samples.iter().all(|sample| sample.saturated == 0));
 }
 
-/// The calibration is taken when the stream starts; both streams side by side have their own instants and losses.
+/// The calibration is read when the stream starts. Two streams side by side have their own times and losses.
 #[test]
 fn a_running_stream_keeps_its_calibration() {
     let mut host = Host::powered("good");
@@ -238,7 +238,7 @@ fn a_lost_bit_is_found_at_once_or_after_a_power_cycle() {
     }
 }
 
-/// The firmware's mistake leaves what is stored as it is, and shows in the off-diagonal elements alone.
+/// The firmware's mistake does not change the stored calibration, and shows only in the off-diagonal elements.
 #[test]
 fn a_transposing_firmware_stores_well_and_computes_badly() {
     let mut skewed = calibration();
@@ -250,6 +250,6 @@ fn a_transposing_firmware_stores_well_and_computes_badly() {
         mean(&compensated(&mut host, 200, 200), |s| s.force[0]) * 1e-6
     };
     let (good, bad) = (force_x(""), force_x("[calibration]\ntransposed = true\n"));
-    // One g on Z is 160,000 counts: 1.6 m/s^2 on X, where the transposed matrix has nearly nothing.
+    // One g on Z is 160,000 counts: 1.6 m/s^2 on X; the transposed matrix gives nearly zero there.
     assert!((good - 1.6).abs() < 0.1 && bad.abs() < 0.1, "{good} {bad}");
 }

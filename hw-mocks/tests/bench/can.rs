@@ -1,4 +1,4 @@
-//! The CAN bus of the bench: frames in memory, no adapter.
+//! The CAN bus of the bench with frames in memory, without an adapter.
 
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ use hw_mocks::{SimulatedBench, Speed};
 
 use crate::host::options;
 
-/// Looks at the bench after which a test gives up.
+/// Number of looks at the bench after which a test gives up.
 const PATIENCE: u32 = 200_000;
 
 struct CanHost {
@@ -70,7 +70,7 @@ impl CanHost {
             self.bench.receive_can(frame, self.now);
         }
         self.bench.advance(self.now);
-        // Nobody listens on RS-422, where the board sends its heartbeat too.
+        // RS-422 is not read, but the board sends its heartbeat there too.
         let unheard = self.bench.output(self.now).len();
         self.bench.consume(unheard);
         while let Some(frame) = self.bench.output_can() {
@@ -117,7 +117,7 @@ impl CanHost {
         Nak::from_payload(&frame.payload).unwrap()
     }
 
-    /// Sends test frames one after the other and gives what came back within 50 ms.
+    /// Sends test frames one after the other and returns those that came back within 50 ms.
     fn echo(&mut self, frames: &[CanFrame]) -> Vec<CanFrame> {
         for frame in frames {
             self.bench.receive_can(*frame, self.now);
@@ -207,7 +207,7 @@ fn the_bus_keeps_its_pace() {
     while host.echoes.len() < 100 {
         host.turn();
     }
-    // Two bytes: 63 bits without stuffing, 75 with as much as there can be.
+    // Two bytes: 63 bits without stuffing, 75 with the most stuffing.
     let took_us = (host.now - start).as_micros();
     assert!((200 * 126..200 * 150 + 5000).contains(&took_us), "{took_us} us");
 }
@@ -232,7 +232,7 @@ fn an_imu_stream_fits_at_1_khz_and_not_twice_over() {
     assert_eq!(host.refusal(&two).code, NakCode::BadParameter as u16);
 }
 
-/// HELLO on one link ends the session on the other, which is told so when it asks.
+/// HELLO on one link ends the session on the other link, which learns it at its next request.
 #[test]
 fn the_session_belongs_to_the_link_of_its_hello() {
     let mut host = CanHost::powered("good", Speed::Max);
@@ -245,7 +245,7 @@ fn the_session_belongs_to_the_link_of_its_hello() {
     assert_eq!(host.refusal(&Identity {}).code, NakCode::NoSession as u16);
 }
 
-/// Nobody listens on RS-422, nobody keeps alive: the watchdog ends the session on CAN too.
+/// RS-422 is not read and no host sends keep-alives: the watchdog ends the session on CAN too.
 #[test]
 fn the_watchdog_watches_can() {
     let mut host = CanHost::powered("good", Speed::Times(1.0));

@@ -1,6 +1,7 @@
-//! Every personality against wide common-sense bounds: exactly the items that its file names show something wrong.
+//! Tests every personality against wide common-sense bounds: exactly the items that its file names show a fault.
 //!
-//! The bounds are the specification's where it has some, and wide otherwise; they belong to this test, not to the bench.
+//! The bounds are those of the specification if it has some, otherwise wide ones. They belong to this test, not to the
+//! bench.
 
 use std::collections::BTreeSet;
 
@@ -18,7 +19,8 @@ use crate::host::{Host, options};
 
 const SERIAL_NUMBER: &str = "LABEL-1";
 
-/// A request that may find the board gone: it is brought up again, and the answer is `None`, as for a fault.
+/// Sends a request that may find the board gone: then the board is brought up again, and the answer is `None`, as for a
+/// fault.
 fn ask<C: Call>(host: &mut Host, call: &C) -> Option<C::Reply> {
     let restarts = host.bench.truth().restarts;
     let request = host.post(call);
@@ -101,14 +103,14 @@ fn imu(host: &mut Host) -> Option<bool> {
         let bytes: Vec<u8> = host.streamed(1).iter().flat_map(|frame| frame.samples.to_vec()).collect();
         samples = bytes.chunks(40).map(|sample| ImuSample::from_payload(sample).unwrap()).collect();
     }
-    // A chip that is not read, or a jump; and a conversion that comes again. Two of 400 say nothing yet.
+    // All channels equal (a chip that is not read), a jump, or a repeated conversion. Two of 400 prove nothing yet.
     let same = |codes: &[i32; 3]| codes[0] == codes[1] && codes[1] == codes[2];
     let middle = [0, 1, 2].map(|axis| {
         let mut codes: Vec<i32> = samples.iter().map(|sample| sample.accel[axis]).collect();
         codes.sort_unstable();
         codes[200]
     });
-    // A magnetometer that never changes is not there.
+    // A magnetometer whose values never change is absent.
     let field_is_read = samples.windows(2).any(|pair| pair[0].mag != pair[1].mag);
     let odd = |sample: &ImuSample| {
         let jumps = (0..3).any(|axis| (sample.accel[axis] - middle[axis]).abs() > 32_000);
@@ -225,7 +227,7 @@ fn failing(personality: Personality) -> BTreeSet<String> {
     host.ask(&ModulePower { on: 1 });
     let wrong = PROBES.iter().filter(|(_, probe)| probe(&mut host) != Some(true));
     let wrong: BTreeSet<String> = wrong.map(|(item, _)| (*item).to_owned()).collect();
-    // Nobody goes on with a module that is another one, or not supplied: what follows from that is not named.
+    // A module that is another one or lacks supply is not tested further: consequences of that are not named.
     if wrong.contains("identity") { BTreeSet::from(["identity".to_owned()]) } else { wrong }
 }
 
@@ -234,17 +236,17 @@ fn each_personality_shows_in_exactly_the_items_it_names() {
     for (name, text) in boards() {
         let personality = Personality::from_toml(name, text).unwrap();
         if personality.expect["functional"].outcome == "errored" {
-            // Its line is bad, which says nothing of the module.
+            // The line is bad, which says nothing about the module.
             continue;
         }
-        // CAN has no probe here: its faults are looked at frame by frame in `can.rs`.
+        // CAN has no probe here: `can.rs` tests its faults frame by frame.
         let items = personality.expect["functional"].items.iter().filter(|item| *item != "can");
         let expected: BTreeSet<String> = items.cloned().collect();
         assert_eq!(failing(personality), expected, "{name}");
     }
 }
 
-/// Half and twice the bound of each quantity that a file may set, against this test's bounds.
+/// Half and twice the bound of each quantity that a file may set, against the bounds of this test.
 #[test]
 fn quantities_pass_at_half_and_fail_at_twice_a_bound() {
     let cases = [

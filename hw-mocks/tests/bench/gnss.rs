@@ -8,7 +8,7 @@ use hw_mocks::devices::sky::{Satellite, dilution};
 
 use crate::host::Host;
 
-/// Runs the GNSS stream for so many bytes; gives the sentences without `$` and checksum, whole lines only.
+/// Runs the GNSS stream for this many bytes; returns the sentences without `$` and checksum, whole lines only.
 fn sentences(host: &mut Host, bytes: u32) -> Vec<String> {
     host.frames.clear();
     host.ask(&StreamStart { stream: 2, rate_hz: 0, count: bytes, samples_per_frame: 0 });
@@ -30,7 +30,7 @@ fn sentences(host: &mut Host, bytes: u32) -> Vec<String> {
     whole.split("\r\n").map(checked).collect()
 }
 
-/// NMEA 0183: the exclusive or of everything between `$` and `*`, in two hexadecimal digits.
+/// NMEA 0183: the exclusive or of all characters between `$` and `*`, in two hexadecimal digits.
 fn checked(sentence: &str) -> String {
     assert!(sentence.len() <= 80, "82 with its end: {sentence}");
     let (body, checksum) = sentence.strip_prefix('$').unwrap().split_once('*').unwrap();
@@ -46,7 +46,7 @@ fn degrees(field: &str, digits: usize) -> f64 {
     field[..digits].parse::<f64>().unwrap() + field[digits..].parse::<f64>().unwrap() / 60.0
 }
 
-/// Board time at which a fix was first told, and whether the time of day was known before it.
+/// Board time at which a fix was first reported, and whether the time of day was known before it.
 fn time_to_fix_s(host: &mut Host, start: u8) -> (f64, bool) {
     host.ask(&GnssRestart { start });
     let restarted_us = host.bench.truth().board_time_us;
@@ -76,7 +76,7 @@ fn time_to_fix_s(host: &mut Host, start: u8) -> (f64, bool) {
 #[test]
 fn starts_take_the_time_of_their_kind() {
     let mut host = Host::powered("good");
-    // An epoch every 0.2 s and 0.06 s until its sentences are out are added to the receiver's own time.
+    // An epoch every 0.2 s, and 0.06 s until its sentences are out, add to the receiver's own time.
     for (start, shortest_s, longest_s) in [(1, 1.1, 2.1), (2, 17.9, 24.3), (3, 24.9, 32.3)] {
         let (span_s, time_before) = time_to_fix_s(&mut host, start);
         assert!((shortest_s..longest_s).contains(&span_s), "start {start}: {span_s}");
@@ -97,7 +97,7 @@ fn positions_lie_round_the_antenna() {
         assert_eq!(f[7], "10", "satellites above the mask");
         let north_m = (degrees(f[2], 2) - site.latitude_deg) * 110_930.0;
         let east_m = (degrees(f[4], 3) - site.longitude_deg) * 111_320.0 * site.latitude_deg.to_radians().cos();
-        // Ellipsoidal height is that above the sea plus the geoid's.
+        // Ellipsoidal height is the height above the sea plus the geoid's.
         let up_m = f[9].parse::<f64>().unwrap() + f[11].parse::<f64>().unwrap() - site.height_m;
         errors.push((north_m.hypot(east_m), up_m.abs()));
     }
@@ -105,7 +105,7 @@ fn positions_lie_round_the_antenna() {
     let rms = |pick: fn(&(f64, f64)) -> f64| {
         (errors.iter().map(|e| pick(e).powi(2)).sum::<f64>() / errors.len() as f64).sqrt()
     };
-    // 2.2 m in each of two axes, 3.8 m up; two minutes are a few correlation times only.
+    // 2.2 m in each of two axes, 3.8 m up; two minutes are only a few correlation times.
     assert!((0.5..6.0).contains(&rms(|e| e.0)), "{}", rms(|e| e.0));
     assert!((0.5..9.0).contains(&rms(|e| e.1)), "{}", rms(|e| e.1));
     let speeds: Vec<f64> = sentences
@@ -152,7 +152,7 @@ fn without_a_sky_there_is_no_fix_no_satellite_and_no_pulse() {
     assert!(host.streamed(3).is_empty());
 }
 
-/// True seconds by the board's clock, which is 3 ppm fast, on its 10 ns grid, within five of its scatters of 15 ns.
+/// True seconds by the board's clock, which is 3 ppm fast, on its 10 ns grid, within five times its scatter of 15 ns.
 #[test]
 fn pulses_come_each_second_by_the_boards_clock() {
     let mut host = Host::powered("good");

@@ -78,7 +78,7 @@ impl Host {
         self.bench.receive(&bytes, self.now);
     }
 
-    /// One turn of the bench; gives what came.
+    /// One turn of the bench; returns the frames that came.
     pub(crate) fn turn(&mut self) -> Vec<Frame> {
         let due = self.bench.next_due(self.now).min(self.keep_alive_at);
         self.now = self.now.max(due);
@@ -97,7 +97,7 @@ impl Host {
         came
     }
 
-    /// Runs until a frame that is wanted comes; keeps all that came.
+    /// Runs until a wanted frame comes; keeps all frames that came.
     pub(crate) fn run_until(&mut self, wanted: impl Fn(&Frame) -> bool) -> Frame {
         let end = self.now + PATIENCE;
         while self.now < end {
@@ -141,7 +141,7 @@ impl Host {
         self.timed(call).1
     }
 
-    /// The same with the board time that it took, in microseconds.
+    /// The same, with the board time that it took, in microseconds.
     pub(crate) fn timed<C: Call>(&mut self, call: &C) -> (u32, C::Reply) {
         let (head, body) = self.call(call).unwrap();
         assert_eq!(head.status as u16, 0, "{}: {:?}", C::NAME, body);

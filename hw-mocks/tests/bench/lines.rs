@@ -13,7 +13,7 @@ fn spi(faults: &LineFaults, direction: SpiDirection, data: &[u8]) -> Vec<u8> {
 
 const BOTH: [SpiDirection; 2] = [SpiDirection::FromModule, SpiDirection::ToModule];
 
-/// Driver and reader have the level, the two others the opposite.
+/// Driver and reader have the driven level, the two others the opposite.
 #[test]
 fn good_lines_follow_their_driver_and_no_other() {
     for (driver, reader) in (0..4).flat_map(|d| (0..4).map(move |r| (d, r))).filter(|(d, r)| d != r) {
@@ -23,7 +23,7 @@ fn good_lines_follow_their_driver_and_no_other() {
     }
 }
 
-/// Lines 2 and 3 in contact: whichever of them is driven or read takes the other along.
+/// Lines 2 and 3 are in contact: each of them, driven or read, takes the other with it.
 #[test]
 fn shorted_pair_moves_together() {
     let faults = LineFaults { shorted: vec![(2, 3)], ..LineFaults::default() };
@@ -35,7 +35,7 @@ fn shorted_pair_moves_together() {
     assert_eq!(io(&faults, 2, 3, 1), 0b1100);
 }
 
-/// A broken line is not reached by the other pin, and stays where its pull puts it.
+/// The other pin does not reach a broken line, which stays at the level of its pull.
 #[test]
 fn open_line_stays_at_its_pull() {
     let faults = LineFaults { open: vec![1], ..LineFaults::default() };
@@ -63,7 +63,7 @@ fn spi_carries_every_byte_both_ways() {
     }
 }
 
-/// SDI and SDO in contact: the idle side holds the line low, and low wins.
+/// SDI and SDO are in contact: the idle side holds the line low, and low wins.
 #[test]
 fn shorted_data_lines_read_zeros() {
     let faults = LineFaults { shorted: vec![(2, 3)], ..LineFaults::default() };
@@ -72,8 +72,7 @@ fn shorted_data_lines_read_zeros() {
     }
 }
 
-/// Without a clock the board sees no byte; as sender it never shifts, so that the module reads its first bit again
-/// and again.
+/// Without a clock the board receives no byte. As sender it never shifts, so the module reads its first bit repeatedly.
 #[test]
 fn open_clock_stops_both_directions() {
     let faults = LineFaults { open: vec![1], ..LineFaults::default() };
@@ -82,7 +81,7 @@ fn open_clock_stops_both_directions() {
     assert_eq!(spi(&faults, SpiDirection::ToModule, &[0x25, 1]), [0, 0]);
 }
 
-/// Without a select the board never listens, nor shifts.
+/// Without a select the board neither listens nor shifts.
 #[test]
 fn open_select_stops_the_board() {
     let faults = LineFaults { open: vec![0], ..LineFaults::default() };
@@ -90,14 +89,14 @@ fn open_select_stops_the_board() {
     assert_eq!(spi(&faults, SpiDirection::ToModule, &[0xa5]), [0xff]);
 }
 
-/// Lines 0 and 1 in contact: while the select is low the clock is low too, and no edge comes.
+/// Lines 0 and 1 are in contact: while the select is low the clock is low too, so there is no edge.
 #[test]
 fn shorted_select_and_clock_carry_nothing() {
     let faults = LineFaults { shorted: vec![(0, 1)], ..LineFaults::default() };
     assert_eq!(spi(&faults, SpiDirection::FromModule, &[0xa5]), []);
 }
 
-/// The 1000th bit is bit 7 of byte 124 from the left: its lowest.
+/// The 1000th bit is bit 7 of byte 124 from the left, which is its lowest.
 #[test]
 fn flipped_bit_is_the_one_counted() {
     let faults = LineFaults { flip_every_bits: 1000, ..LineFaults::default() };

@@ -1,7 +1,7 @@
-//! The simulated bench against independent expectations. Seeds are fixed and printed; time is virtual, except where a
-//! real pseudo-terminal is the thing under test, and every wait there has a deadline.
+//! Tests the simulated bench against independent expectations. Seeds are fixed and printed. Time is virtual, except in
+//! tests of a real pseudo-terminal, where every wait has a deadline.
 
-// All of it is test code; clippy takes only what stands under `cfg(test)` for that.
+// All of it is test code, but clippy recognises test code only under `cfg(test)`.
 #[cfg(test)]
 mod board;
 #[cfg(test)]

@@ -1,4 +1,5 @@
-//! RAM faults against what the theory of memory tests says each pattern finds; NOR flash against its data sheet's rules.
+//! RAM faults against the theory of memory tests, which says what each pattern finds; NOR flash against its data
+//! sheet's rules.
 
 use gnc_protocol::message::{
     ErrorKind, ErrorRecords, FlashBlankCheck, FlashErase, FlashId, FlashVerify, FlashWrite, RamPattern, RamTest,
@@ -32,16 +33,17 @@ fn good_memory_has_no_mismatch() {
     assert_eq!(mismatches(&MemoryFaults::default()), [0; 5]);
 }
 
-/// A line stuck low fails wherever a one is read on it: all ones (N), 0xAA.. on an odd bit (N), the words whose
-/// walking one is on it (N/32), half the addresses and half the complements (N), both r1 of March C- (2N).
+/// A line stuck low fails wherever a one is read on it: all ones (N), 0xAA.. on an odd bit (N), the words whose walking
+/// one is on it (N/32), half the addresses and half the complements (N), both r1 of March C- (2N).
 #[test]
 fn stuck_data_line_fails_every_pattern() {
     let faults = MemoryFaults { stuck_data_line: Some((7, false)), ..MemoryFaults::default() };
     assert_eq!(mismatches(&faults), [N, N, N / 32, N, 2 * N]);
 }
 
-/// Solid patterns write the same everywhere and cannot see an address fault; nor can walking ones of period 32 in
-/// lines above the fifth. Three of four addresses share a cell, of which the last writer is right.
+/// Solid patterns write the same value everywhere and cannot show an address fault. Walking ones of period 32 cannot
+/// show it in lines above the fifth. Three of four addresses share a cell, and only the last write to it is read back
+/// right.
 #[test]
 fn shorted_address_lines_need_an_address_pattern_or_a_march() {
     let faults = MemoryFaults { shorted_address_lines: Some((6, 12)), ..MemoryFaults::default() };
@@ -50,7 +52,7 @@ fn shorted_address_lines_need_an_address_pattern_or_a_march() {
     assert!(march > 0);
 }
 
-/// Within one period of 32 words walking ones do see it.
+/// Within one period of 32 words walking ones show it.
 #[test]
 fn low_address_line_fails_walking_ones_too() {
     let faults = MemoryFaults { stuck_address_line: Some((2, false)), ..MemoryFaults::default() };
@@ -59,16 +61,16 @@ fn low_address_line_fails_walking_ones_too() {
     assert!(march > 0);
 }
 
-/// A cell stuck at 0 fails each pattern as often as that reads a one there: once, once on an odd bit, not at all
-/// under walking ones of another bit, once in address or complement, twice in March C-.
+/// A cell stuck at 0 fails each pattern as often as the pattern reads a one there: once; once on an odd bit; never
+/// under walking ones of another bit; once in address or complement; twice in March C-.
 #[test]
 fn stuck_cell_fails_where_a_one_is_read() {
     let faults = MemoryFaults { stuck_cells: vec![(1000, 11, false)], ..MemoryFaults::default() };
     assert_eq!(mismatches(&faults), [1, 1, 0, 1, 2]);
 }
 
-/// A rising cell that flips the next one is covered up where the next one is written afterwards; March C- reads
-/// before it writes, in both directions, and finds every such pair (van de Goor).
+/// A rising cell that flips the next one is masked if the next one is written afterwards. March C- reads before it
+/// writes, in both directions, and finds every such pair (van de Goor).
 #[test]
 fn coupled_cells_need_the_march() {
     let faults = MemoryFaults { coupled_cells: vec![(500, 501, 9)], ..MemoryFaults::default() };
@@ -107,7 +109,7 @@ fn nor_flash_sets_bits_only_by_erasing() {
     assert_eq!(flash.blank_check(3).mismatches, 0);
     flash.write(3, 77);
     assert_eq!(flash.verify(3, 77).mismatches, 0);
-    // Written over without an erase, each word is the AND of both patterns.
+    // Written twice without an erase, each word is the AND of both patterns.
     flash.write(3, 78);
     for (word, (a, b)) in Xorshift32::new(77).zip(Xorshift32::new(78)).take(1024).enumerate() {
         assert_eq!(flash.read(3, word as u32), a & b);

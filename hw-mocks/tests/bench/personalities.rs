@@ -1,4 +1,4 @@
-//! Personality files: what comes with the library is well formed, what is wrong is refused with its place.
+//! Personality files: those in the library are well formed, and mistakes are refused with their place.
 
 use gnc_config::Mistake;
 use hw_mocks::devices::inertial::SensorModels;
@@ -38,15 +38,15 @@ fn embedded_boards_are_well_formed_and_expect_known_items() {
         match expected.outcome.as_str() {
             "failed" => assert!(!expected.items.is_empty(), "{name}"),
             "passed" => assert!(expected.items.is_empty(), "{name}"),
-            // A line that is bad may show in some items or let none begin.
+            // A bad line may show in some items, or prevent all items.
             _ => {}
         }
         assert!(expected.items.iter().all(|item| ITEMS.contains(&item.as_str())), "{name}");
     }
 }
 
-/// What a whole acceptance finds is in the file beside what the functional table finds: a bad module fails one of them
-/// in items that are named, and the five good ones pass both but for what chance decides.
+/// The results of a whole acceptance stand in the file beside those of the functional plan. A bad module fails one of
+/// the plans in items that are named. The five good ones pass both, except where chance decides.
 #[test]
 fn boards_for_acceptance_say_how_they_end() {
     let mut bad = 0;
@@ -61,7 +61,7 @@ fn boards_for_acceptance_say_how_they_end() {
             "passed" => assert!(expected.items.is_empty() && expected.figures.is_empty(), "{name}"),
             "failed" => {
                 bad += 1;
-                // A capture that breaks off leaves no figure.
+                // A capture that breaks off gives no figure.
                 assert!(!expected.items.is_empty(), "{name}");
             }
             other => panic!("{name}: {other}"),
@@ -92,7 +92,7 @@ fn every_file_in_the_folder_is_embedded() {
     assert_eq!(files, embedded);
 }
 
-/// All that is told of a text: line, column, what is wrong, and what can be tried.
+/// All messages about a text: line, column, the mistake, and what can be tried.
 fn told(text: &str) -> Vec<String> {
     let Err(mistakes) = Personality::from_toml("mine", text) else { return Vec::new() };
     let line = |mistake: &Mistake| {
@@ -132,18 +132,18 @@ fn mistakes_are_told_with_line_and_column() {
     );
     refused("[timers]\njiter_ns = 3\n", &["2:1: unknown key \"jiter_ns\" [did you mean \"jitter_ns\"?]"]);
     refused("[timer]\n", &["1:2: unknown key \"timer\" [did you mean \"timers\"?]"]);
-    // Syntax stands alone.
+    // A mistake of syntax is reported alone.
     let syntax = told("[gyro\nnoise_factor = -1.0\n");
     assert!(syntax.len() == 1 && syntax[0].starts_with("1:"), "{syntax:?}");
 }
 
-/// A figure in another unit is wrong by a factor that nothing shows: 3600 between deg/s and deg/h.
+/// A figure in another unit is wrong by a factor that does not show: 3600 between deg/s and deg/h.
 #[test]
 fn a_unit_of_another_sensor_is_refused() {
     let other = |key: &str, unit: &str, stem: &str, table: &str, right: &str| {
         format!("2:1: \"{key}\" is not in {unit}, the unit of {stem} in [{table}] [give it in {unit} as {right}]")
     };
-    // Each table's own units for what its sensors feel, for their bias, and for a bias per hour.
+    // Each table has its own units for the signal of its sensors, for their bias, and for a bias per hour.
     let tables = [
         ("gyro", ("dps", "deg/s"), Some(("dph", "deg/h"))),
         ("accel", ("g", "g"), Some(("mg", "mg"))),
@@ -192,7 +192,7 @@ fn a_unit_of_another_sensor_is_refused() {
     refused("[accel]\nspikes = { share = 0.1 }\n", &["2:1: size_g is missing [write how large spikes are, in g]"]);
 }
 
-/// A key that is read and then changes nothing lets its writer believe in a fault that is not there.
+/// A key that is read but changes nothing would make its writer believe in a fault that does not exist.
 #[test]
 fn a_key_without_effect_is_refused() {
     refused("[gyro]\ny_skew_us = 10\n", &["2:1: [gyro] takes no y_skew_us [only [mag] does]"]);
@@ -308,7 +308,8 @@ fn what_real_sensors_do_is_checked() {
 
 #[test]
 fn a_personality_tells_all_its_mistakes() {
-    // Of every kind: an unknown key, a wrong type, values out of range in a list, in a row of three and in a table.
+    // All kinds of mistakes: an unknown key, a wrong type, values out of range in a list, in a row of three and in a
+    // table.
     let text = "\
 [module]
 colour = \"red\"
@@ -328,7 +329,7 @@ shorted_address_lines = [5, 5]
     let expected =
         ["2:1", "3:12", "5:15", "5:25", "6:16", "7:38", "9:18", "9:21", "11:35", "11:52", "11:54", "11:116", "12:29"];
     assert_eq!(places, expected, "{told_of:#?}");
-    // Numbers of a log that cannot be read are no second mistake.
+    // The numbers of a log that cannot be read are not a second mistake.
     refused(
         "[gnss]\nplayback = \"no.nmea\"\nplayback_hz = 2.0\n[rails]\nv5_v = 7.0\n",
         &[

@@ -90,7 +90,7 @@ impl PtyHost {
     }
 }
 
-/// What a module answers does not depend on how fast the bench runs.
+/// The answers of a module do not depend on the speed of the bench.
 #[test]
 fn both_speeds_give_the_same_answers() {
     let answers = |speed| {
@@ -111,7 +111,7 @@ fn both_speeds_give_the_same_answers() {
     let (at_max, samples_at_max) = answers(Speed::Max);
     let (at_true, samples_at_true) = answers(Speed::Times(1.0));
     assert_eq!(at_max, at_true);
-    // The noise is the same; temperature and slow biases moved for a few wall milliseconds longer.
+    // The noise is the same; temperature and slow biases had a few wall milliseconds longer to move.
     let count = |sample: &[u8], field: usize| i32::from_le_bytes(sample[4 * field..4 * field + 4].try_into().unwrap());
     for (a, b) in samples_at_max.iter().zip(&samples_at_true) {
         assert!((0..3).all(|field| count(a, field).abs_diff(count(b, field)) < 150));
@@ -124,7 +124,7 @@ fn nothing_is_lost_when_the_host_reads_slowly() {
     let mut host = PtyHost::open(bench.port());
     host.call(&ModulePower { on: 1 });
     host.call(&StreamStart { stream: 1, rate_hz: 1000, count: 20_000, samples_per_frame: 12 });
-    // The board's clock stands still while the port is full: after a bench sleep it has not run away.
+    // The board's clock stands still while the port is full: a bench sleep does not let it run away.
     let mut next = 0;
     while next < 20_000 {
         let frame = host.wait(|f| f.header.kind == Kind::Stream);
@@ -149,7 +149,7 @@ fn hostile_bytes_never_end_the_bench() {
         if round % 3 == 0 {
             payload.extend((0..dice.word() % 200).map(|_| dice.word() as u8));
         }
-        // Well-formed frames with any ids and payloads get past the checksum; the rest is noise.
+        // Well-formed frames with random ids and payloads pass the checksum; all other bytes are noise.
         let header = Header {
             version: 1,
             kind: Kind::ALL[(dice.word() % 8) as usize],
@@ -165,7 +165,7 @@ fn hostile_bytes_never_end_the_bench() {
         host.port.write_all(chunk).unwrap();
     }
     host.port.write_all(&[0]).unwrap();
-    // Whatever they started, a new session and a call still work.
+    // Whatever these frames started, a new session and a call still work.
     host.came.clear();
     let hello = HostHello { magic: MAGIC, lowest: 1, highest: 1, nonce: 99 };
     host.send(Kind::Hello, 0, 0, hello.to_payload().unwrap());
@@ -221,7 +221,7 @@ impl Program {
         self.line()
     }
 
-    /// Waits until standard output ends, which it does with the program.
+    /// Waits until standard output ends, which happens when the program ends.
     fn code(mut self) -> Option<i32> {
         while self.lines.recv_timeout(PATIENCE).is_ok() {}
         self.child.wait().unwrap().code()
@@ -271,8 +271,8 @@ fn program_ends_on_a_signal_and_with_its_input_when_told() {
     assert_eq!(Program::start(&["--speed", "-3"]).code(), Some(2));
 }
 
-/// A cable that is pulled out and plugged in again: the host's port is gone, the board goes on, and its watchdog has
-/// switched the module off when somebody finds it behind another port.
+/// A cable is pulled out and plugged in again: the host's port is gone and the board goes on. When the host finds it
+/// behind another port, the board's watchdog has switched the module off.
 #[test]
 fn a_cable_comes_out_and_goes_in_again() {
     let bench = RunningBench::start(&options("good", Speed::Times(1.0))).unwrap();

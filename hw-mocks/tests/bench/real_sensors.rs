@@ -1,6 +1,6 @@
-//! What real sensors do beside their noise, each against its closed form or its law of chance.
+//! Effects of real sensors beside their noise, each against its closed form or its probability law.
 //!
-//! Bounds are 4.5 standard errors, where nothing else is said.
+//! Bounds are 4.5 standard errors unless stated otherwise.
 
 use std::f64::consts::{PI, TAU};
 
@@ -20,7 +20,7 @@ use crate::sensors::imu;
 const DPS: f64 = 20_000.0;
 const G: f64 = 160_000.0;
 const GAUSS: f64 = 1.25e6;
-/// White noise, deg/s sqrt(s): a thousand codes at 200 Hz, so that rounding is nothing beside it.
+/// White noise, deg/s sqrt(s): a thousand codes at 200 Hz, so that rounding is negligible.
 const WHITE: f64 = 0.004;
 
 const FIRST: Bandwidth = Bandwidth { cutoff_hz: 25.0, order: FilterOrder::First };
@@ -79,7 +79,7 @@ fn amplitude(values: &[f64], frequency: f64) -> f64 {
     2.0 * f64::hypot(cosine, sine) / values.len() as f64
 }
 
-/// Mean square and mean product of neighbours.
+/// Mean square, and mean product of neighbours.
 fn covariances(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let square = values.iter().map(|v| v * v).sum::<f64>() / n;
@@ -93,8 +93,8 @@ fn assert_share(count: usize, of: usize, share: f64, what: &str) {
     assert!((count as f64 - expected).abs() < bound, "{what}: {count} of {of}, expected {expected} +- {bound}");
 }
 
-/// One event in each run of so many turns, at any place in the run: 1,600 places have the mean and the deviation of an
-/// even distribution.
+/// One event in each run of this many turns, at any place in the run: 1,600 places have the mean and the deviation of a
+/// uniform distribution.
 fn assert_one_in_each(run: usize, events: &[bool], what: &str) {
     let places: Vec<f64> = events
         .chunks_exact(run)
@@ -109,7 +109,7 @@ fn assert_one_in_each(run: usize, events: &[bool], what: &str) {
     assert!((square - 1.0 / 12.0).abs() < 4.5 * (1.0 / 180.0 / n).sqrt() + 1.0 / run as f64, "{what}: {square}");
 }
 
-/// Both orders at both rates: 600 windowed pieces of three axes leave 2.4 %, the window's width 1 %.
+/// Both orders at both rates: 600 windowed pieces of three axes scatter by 2.4 %, and the window's width adds 1 %.
 #[test]
 fn the_spectrum_is_that_of_the_filter() {
     const PIECE: usize = 200;
@@ -140,8 +140,8 @@ fn the_spectrum_is_that_of_the_filter() {
     }
 }
 
-/// Five samples at 1 kHz have the mean of one at 200 Hz: variance and covariance of neighbours by integrals over the
-/// filter's gain. 30,000 samples of three axes scatter by 0.5 %, the means of five by 1 %.
+/// The mean of five samples at 1 kHz equals one sample at 200 Hz: variance and covariance of neighbours by integrals
+/// over the filter's gain. 30,000 samples of three axes scatter by 0.5 %, the means of five by 1 %.
 #[test]
 fn a_mean_of_fast_samples_is_a_slow_one() {
     for bandwidth in [FIRST, SECOND] {
@@ -182,8 +182,8 @@ fn a_stream_begins_with_the_noise_that_it_goes_on_with() {
     }
 }
 
-/// A turn that swings at 10 Hz, behind 20 Hz: the gain, and where it crosses zero. Between samples at 1 kHz a sinusoid is
-/// a straight line to 2e-4.
+/// A turn that oscillates at 10 Hz, behind a 20 Hz filter: the gain, and the zero crossings. Between samples at 1 kHz a
+/// sinusoid is a straight line to 2e-4.
 #[test]
 fn motion_passes_the_filter() {
     for order in [FilterOrder::First, FilterOrder::Second] {
@@ -200,14 +200,14 @@ fn motion_passes_the_filter() {
         for index in 1..=3000 {
             let now_s = f64::from(index) / 1000.0;
             let got = f64::from(sensors.read(&mut reader, swing, now_s).gyro[0]) / DPS;
-            // The mean over the last millisecond is the value in its middle.
+            // The mean over the last millisecond is the value at its middle.
             let expected = 30.0 * gain * (TAU * 10.0 * (now_s - 0.0005) - phase).sin();
             assert!(now_s < 1.0 || (got - expected).abs() < 0.03, "{order:?} {now_s}: {got} {expected}");
         }
     }
 }
 
-/// From rest to rest the samples hold the whole angle, whatever the delay: 90 deg in a second, half a second in all.
+/// From rest to rest the samples sum to the whole angle, whatever the delay: 90 deg in a second, half a second in all.
 #[test]
 fn a_turn_from_rest_to_rest_keeps_its_angle() {
     let mut sensors = Sensors::new(models(0.0, Some(SECOND)), SensorFaults::default(), 1);
@@ -223,8 +223,8 @@ fn a_turn_from_rest_to_rest_keeps_its_angle() {
     }
 }
 
-/// 87 Hz has whole periods in two seconds. A gyroscope behind 80 Hz averages it over its interval; a magnetometer without
-/// a bandwidth shows it as it is.
+/// 87 Hz has a whole number of periods in two seconds. A gyroscope with an 80 Hz filter averages it over its interval;
+/// a magnetometer without a filter shows it unchanged.
 #[test]
 fn vibration_has_its_amplitude_behind_the_filter() {
     let shaken = Vibration {
@@ -236,7 +236,7 @@ fn vibration_has_its_amplitude_behind_the_filter() {
     for rate_hz in [200.0, 1000.0] {
         let mut models = models(0.0, Some(SECOND));
         models.mag.bandwidth = None;
-        // What the accelerations do to the gyroscopes too.
+        // The accelerations act on the gyroscopes too.
         models.gyro_per_g[(2, 1)] = 0.1;
         let mut faults = SensorFaults::default();
         faults.vibrations[1] = shaken;
@@ -252,14 +252,14 @@ fn vibration_has_its_amplitude_behind_the_filter() {
             (of(&|sample| f64::from(sample.mag[2]) / GAUSS), 0.01, GAUSS),
             (of(&|sample| f64::from(sample.gyro[1]) / DPS), 0.0, DPS),
         ] {
-            // Rounding leaves a code at most.
+            // Rounding changes a code by at most one.
             assert!((got - expected).abs() < 1.0 / unit, "{rate_hz}: {got} {expected}");
         }
     }
 }
 
-/// Vibration is worked out in closed form, motion step by step: the same sinusoid is the same signal, in amplitude and
-/// phase. At 5 kHz a sinusoid of 43 Hz is straight between samples to 3e-4.
+/// Vibration is computed in closed form, motion step by step: the same sinusoid must give the same signal, in amplitude
+/// and phase. At 5 kHz a sinusoid of 43 Hz is straight between samples to 3e-4.
 #[test]
 fn vibration_passes_the_filter_as_motion_does() {
     for bandwidth in [FIRST, SECOND] {
@@ -282,15 +282,15 @@ fn vibration_passes_the_filter_as_motion_does() {
     }
 }
 
-/// At 50 conversions a second a stream of 200 Hz finds each four times, and its noise is that of means over 20 ms; the
-/// accelerometers, a chip of their own, are read anew each time.
+/// At 50 conversions a second a stream of 200 Hz finds each conversion four times, and its noise is that of means over
+/// 20 ms. The accelerometers are a separate chip and are read anew each time.
 #[test]
 fn a_slow_chip_gives_its_last_conversion_again() {
     let mut models = models(WHITE, None);
     models.gyro.update_rate_hz = Some(50.0);
     models.accel.noise = [AxisNoise { white: 1e-3, ..AxisNoise::default() }; 3];
     let samples = samples(models, SensorFaults::default(), 200.0, 8003);
-    // The first three reads find the conversion at zero.
+    // The first three reads find the conversion at time zero.
     let conversions: Vec<&[ImuSample]> = samples[3..].chunks(4).collect();
     assert!(conversions.iter().all(|held| held.iter().all(|sample| sample.gyro == held[0].gyro)));
     let repeated = conversions.windows(2).filter(|pair| pair[0][0].gyro == pair[1][0].gyro).count();
@@ -302,7 +302,7 @@ fn a_slow_chip_gives_its_last_conversion_again() {
     assert!((got / expected - 1.0).abs() < 4.5 / (2.0 * 2000.0_f64).sqrt(), "{got} {expected}");
 }
 
-/// What a held conversion shows is what acted when it took place, not what acts when it is read.
+/// A held conversion shows what acted when it took place, not what acts when it is read.
 #[test]
 fn a_held_conversion_is_of_its_own_moment() {
     let mut models = models(0.0, None);
@@ -342,8 +342,8 @@ fn a_failed_read_is_of_a_whole_chip_or_of_all() {
     }
 }
 
-/// Runs need not be a whole number of turns: 3 % of 100,000 reads are 3,000 runs. Where the last turn of one and the first
-/// of the next are the same turn, both events may fall on it, which one of a few thousand does.
+/// Runs need not be a whole number of turns: 3 % of 100,000 reads are 3,000 runs. If the last turn of one run is the
+/// first of the next, both events may fall on it, which happens once in a few thousand.
 #[test]
 fn any_share_is_kept() {
     let failed_reads = Some(FailedReads { share: 0.03, code: -1 });
@@ -396,7 +396,7 @@ fn clipping_on_one_side_takes_what_lies_beyond() {
     assert_share(read.iter().filter(|sample| sample.gyro[1] == -end).count(), COUNT, 0.3085, "clipped below");
 }
 
-/// Two per cent a kelvin are 49.2 % in twenty kelvin on X; 10,000 samples scatter by 0.7 %.
+/// Two per cent a kelvin give 49.2 % in twenty kelvin on X; 10,000 samples scatter by 0.7 %.
 #[test]
 fn noise_grows_with_the_temperature() {
     let mut models = models(WHITE, None);
@@ -417,7 +417,7 @@ fn noise_grows_with_the_temperature() {
     }
 }
 
-/// What a board states is in its stream: of 400 samples at 200 Hz, 12 of 3 %, one or two of 0.25 %.
+/// The stream of a board shows its stated faults: of 400 samples at 200 Hz, 12 for 3 %, one or two for 0.25 %.
 #[test]
 fn boards_of_real_sensors_stream_what_they_state() {
     let stream = |name: &str| imu(&mut Host::powered(name), 200, 400);
@@ -437,7 +437,7 @@ fn boards_of_real_sensors_stream_what_they_state() {
         let held = stream(name).windows(2).filter(|pair| pair[0].gyro == pair[1].gyro).count();
         assert!(stale.contains(&held), "{name}: {held}");
     }
-    // 43 Hz has 86 periods in two seconds; noise leaves 0.002 deg/s and 0.08 mg of an amplitude.
+    // 43 Hz has 86 periods in two seconds; noise changes an amplitude by 0.002 deg/s and 0.08 mg.
     let shaken = stream("vibration");
     let passed = (filtered::power(43.0, 80.0, 2) * filtered::power_of_mean(43.0, 0.005)).sqrt();
     let rate_dps = amplitude(&rates(&shaken, 0), 43.0 / 200.0);

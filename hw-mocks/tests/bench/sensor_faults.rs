@@ -1,4 +1,4 @@
-//! Each sensor fault has the size and the place that its board states, and leaves all else as it was.
+//! Each sensor fault has the size and the place that its board states, and changes nothing else.
 
 use gnc_rig::Along;
 use hw_mocks::devices::inertial::{SensorFaults, SensorModels, Sensors, TriadFaults};
@@ -19,7 +19,7 @@ fn still(rate_dps: f64, force_x_g: f64) -> Influence {
     }
 }
 
-/// Modules without any noise and bandwidth, so that a fault stands alone.
+/// Modules without noise and bandwidth, so that a fault stands alone.
 fn silent(faults: SensorFaults) -> Sensors {
     let mut models = SensorModels::default();
     for triad in [&mut models.gyro, &mut models.accel, &mut models.mag] {
@@ -62,7 +62,7 @@ fn a_drift_begins_at_each_power_on() {
     }
 }
 
-/// Twenty-two deg/h up and down each minute: 10 s means see 0.955 of it, whole minutes none.
+/// Twenty-two deg/h up and down each minute: 10 s means show 0.955 of it, whole minutes none.
 #[test]
 fn a_wander_is_gone_in_whole_periods() {
     let amplitude_dps = 22.0 / 3600.0;
@@ -98,13 +98,13 @@ fn steps_hide_what_is_smaller() {
     let at = |sensors: &mut Sensors, input| force_g(sensors, input, 1.0)[0];
     assert_eq!((at(&mut sensors, 0.0), at(&mut sensors, 0.001), at(&mut sensors, -0.001)), (0.0, 0.0, 0.0));
     assert!((at(&mut sensors, 0.004) - 0.006243).abs() < 1e-5);
-    // Local gravity lies in the middle of a step.
+    // Local gravity lies at the middle of a step.
     let gravity = TrueSite::default().gravity() / G;
     assert!(((gravity / 0.006243).fract() - 1.0).abs() < 0.05 || (gravity / 0.006243).fract() < 0.05);
     assert_eq!(force_g(&mut sensors, 0.001, 1.0)[2], 1.0, "the others are as they were");
 }
 
-/// Deviations over many power-ons; 400 of them scatter by 3.5 %.
+/// Deviations over many power-ons: estimates from 400 of them scatter by 3.5 %.
 #[test]
 fn what_is_new_at_each_power_on_has_its_deviation() {
     let faults =
@@ -123,7 +123,7 @@ fn what_is_new_at_each_power_on_has_its_deviation() {
     assert!((coupling.sqrt() / 0.005 - 1.0).abs() < 0.15, "{}", coupling.sqrt());
 }
 
-/// At 15 rev/s 100 microseconds are 0.54 deg: Y sees the field where X saw it so much earlier in the turn.
+/// At 15 rev/s 100 microseconds are 0.54 deg: Y measures the field later in the turn than X by this angle.
 #[test]
 fn a_skew_is_an_angle_that_grows_with_the_rate() {
     let mut sensors = silent(SensorFaults { mag_y_skew_us: 100.0, ..SensorFaults::default() });
@@ -134,7 +134,7 @@ fn a_skew_is_an_angle_that_grows_with_the_rate() {
     for index in 0..1000 {
         let now_s = f64::from(index) / 1000.0;
         let sample = sensors.read(&mut reader, |moment_s| world.influence(moment_s), now_s);
-        // Y a quarter of a turn later is X: with x = cos and y = -sin the product has the mean sin(skew) / 2.
+        // Y a quarter of a turn later equals X: with x = cos and y = -sin the product has the mean sin(skew) / 2.
         let (x, y) = (f64::from(sample.mag[0]), f64::from(sample.mag[1]));
         in_phase += x * y;
         x_square += x * x;
@@ -144,7 +144,7 @@ fn a_skew_is_an_angle_that_grows_with_the_rate() {
     assert!((angle_deg.abs() - 0.54).abs() < 0.005, "{angle_deg}");
 }
 
-/// What a board states is what its module has; gyro and accelerometers apart from the fault are module 1.
+/// The module of each board has the stated properties; gyroscopes and accelerometers without the fault are module 1.
 #[test]
 fn boards_have_the_faults_they_state() {
     let truth = |name: &str| Host::powered(name).bench.truth();
@@ -160,7 +160,7 @@ fn boards_have_the_faults_they_state() {
     assert_eq!(truth("accel-scale-unstable").sensors_now.gyro.response, good.gyro.response);
 }
 
-/// The fault of one axis saturates where a turn about north takes it, and not in the horizontal field.
+/// The fault of one axis saturates where a turn about north takes the axis, and not in the horizontal field.
 #[test]
 fn one_magnetometer_saturates_in_the_vertical_field_only() {
     let mut host = Host::powered("mag-one-axis-saturates");

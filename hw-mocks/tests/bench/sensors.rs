@@ -1,4 +1,4 @@
-//! Sensors against the truth computed another way, and against the published noise figures.
+//! Sensors against a truth that is computed in another way, and against the published noise figures.
 
 use gnc_protocol::message::{AdRead, StreamStart, StreamStop};
 use gnc_protocol::stream::ImuSample;
@@ -15,8 +15,8 @@ use crate::host::Host;
 
 const G: f64 = 9.80665;
 
-/// Gravity by the international formula of 1980 and the free-air gradient: another formula than the world's, good to
-/// 1e-6 at such heights.
+/// Gravity by the international formula of 1980 and the free-air gradient. It differs from the world's formula and is
+/// good to 1e-6 at such heights.
 fn gravity_1980(latitude_deg: f64, height_m: f64) -> f64 {
     let latitude = latitude_deg.to_radians();
     let sea = 9.780_327 * (1.0 + 0.005_302_4 * latitude.sin().powi(2) - 0.000_005_8 * (2.0 * latitude).sin().powi(2));
@@ -31,7 +31,7 @@ fn gravity_agrees_with_the_international_formula() {
     }
 }
 
-/// With Z up, X at a heading clockwise from north: earth rate is 15.041 deg/h cos(lat) along north, sin(lat) up; the
+/// With Z up and X at a heading clockwise from north: earth rate is 15.041 deg/h cos(lat) along north, sin(lat) up; the
 /// field's north component shows on X as cos(heading).
 #[test]
 fn attitude_resolves_earth_rate_gravity_and_field() {
@@ -80,7 +80,7 @@ pub(crate) fn imu(host: &mut Host, rate_hz: u16, count: u32) -> Vec<ImuSample> {
     host.ask(&StreamStart { stream: 1, rate_hz, count, samples_per_frame: 0 });
     let mut samples = Vec::new();
     loop {
-        // Some may have come with the answer.
+        // Some samples may have come with the answer.
         samples.clear();
         for frame in host.streamed(1) {
             assert_eq!((frame.head.first as usize, frame.head.dropped), (samples.len(), 0));
@@ -103,7 +103,7 @@ fn mean_and_deviation(samples: &[ImuSample], pick: impl Fn(&ImuSample) -> i32) -
     (mean, variance.sqrt())
 }
 
-/// `N = M f + b` written out by hand for the published conventions, with the model's numbers and the truth.
+/// `N = M f + b` written out for the published conventions, with the model's numbers and the truth.
 #[test]
 fn sensors_at_rest_read_the_truth_within_their_noise() {
     let mut host = Host::powered("good");
@@ -131,7 +131,8 @@ fn sensors_at_rest_read_the_truth_within_their_noise() {
         assert!((deviation / 160_000.0 / (0.1e-3 * passed) - 1.0).abs() < 0.06, "accel {axis}: {deviation}");
         let mag = row(&models.mag.response, &truth.influence.field_gauss) + models.mag.bias[axis];
         let (mean, deviation) = mean_and_deviation(&samples, |s| s.mag[axis]);
-        // White noise 5, five deviations of the slow noise 15, 2 K at 10 microgauss/K, 20 s of the ambient field's swing 8.
+        // White noise 5, five deviations of the slow noise 15, 2 K at 10 microgauss/K, 20 s of the ambient field's
+        // swing 8.
         let bound = 5e-6 + 15e-6 + 20e-6 + 8e-6;
         assert!((mean / 1.25e6 - mag).abs() < bound, "mag {axis}: {} {mag}", mean / 1.25e6);
         assert!((deviation / 1.25e6 / 60e-6 - 1.0).abs() < 0.06, "mag {axis}: {deviation}");
@@ -140,8 +141,8 @@ fn sensors_at_rest_read_the_truth_within_their_noise() {
     assert!((23.0..24.5).contains(&temperature), "{temperature}");
 }
 
-/// White noise from first differences (Allan deviation at one sample), which drifts cannot raise: it grows with the
-/// root of the rate where there is no bandwidth, and as the filter's closed form says where there is one.
+/// White noise from first differences (Allan deviation at one sample), which drifts cannot raise. Without a bandwidth
+/// it grows with the root of the rate; with one it follows the filter's closed form.
 #[test]
 fn white_noise_follows_the_density_at_every_rate() {
     let mut host = Host::powered("good");
@@ -188,8 +189,8 @@ fn means(sensors: &mut Sensors, from_s: f64, span_s: f64) -> [f64; 6] {
     sums.map(|sum| sum / f64::from(count))
 }
 
-/// Ten hours of 10 s means, each against the figure of its axis: 360 means scatter by 4 % and, since the slow noise
-/// joins neighbours, a little more; ten hours by a third of that.
+/// Ten hours of 10 s means, each hour against the figure of its axis. 360 means scatter by 4 %, and a little more since
+/// slow noise correlates neighbours; ten hours scatter by a third of that.
 #[test]
 fn an_hour_has_the_stated_bias_stability() {
     for (number, published) in (1..).zip(&PUBLISHED) {
@@ -210,7 +211,7 @@ fn an_hour_has_the_stated_bias_stability() {
     }
 }
 
-/// Sixty power cycles of 10 min, every 20 min, in tens of six: an axis's estimate scatters by 14 %.
+/// Sixty power cycles of 10 min, every 20 min, in ten groups of six: an axis's estimate scatters by 14 %.
 #[test]
 fn power_cycles_have_the_stated_bias_repeatability() {
     for (number, published) in (1..).zip(&PUBLISHED) {
@@ -249,8 +250,7 @@ fn variances(means: &[Vector3<f64>]) -> [f64; 3] {
     [0, 1, 2].map(|axis| deviation(&means.iter().map(|mean| mean[axis]).collect::<Vec<_>>()).powi(2))
 }
 
-/// The simulation without frames has the figures of all five modules, all sixty of them: 600 runs scatter by 0.2 and
-/// 1.3 %.
+/// The simulation without frames gives all sixty figures of the five modules: 600 runs scatter by 0.2 and 1.3 %.
 #[test]
 fn the_bootstrap_has_all_sixty_figures() {
     const RUNS: u64 = 600;
@@ -278,8 +278,8 @@ fn the_bootstrap_has_all_sixty_figures() {
     }
 }
 
-/// Every part is there in every axis: none of the five modules is white noise alone, and none has a figure that its
-/// parts cannot make.
+/// Every part of the noise exists in every axis: all five modules have more than white noise, and each figure can be
+/// made from its parts.
 #[test]
 fn every_axis_has_every_kind_of_noise() {
     for (gyro, accel) in &PUBLISHED {
@@ -298,7 +298,7 @@ fn variance_of_means_agrees_with_a_double_sum() {
     for (correlation_s, span_s, every_s, count) in
         [(15.0, 10.0, 10.0, 12), (100.0, 10.0, 25.0, 7), (30.0, 600.0, 1200.0, 6)]
     {
-        // Means as sums over a grid, fine against the correlation time.
+        // Means as sums over a grid that is fine against the correlation time.
         let grid = f64::max(span_s / correlation_s * 20.0, 20.0) as u32;
         let at =
             |mean: u32, point: u32| f64::from(mean) * every_s + (f64::from(point) + 0.5) * span_s / f64::from(grid);
@@ -318,8 +318,8 @@ fn variance_of_means_agrees_with_a_double_sum() {
     }
 }
 
-/// Mean and end of a Gauss-Markov process belong together: the mean over 10 s drawn at once has the variance of ten
-/// drawn in a row, and so has what comes after it.
+/// Mean and end of a Gauss-Markov process are consistent: a 10 s mean drawn at once has the variance of ten 1 s means
+/// drawn in a row, and so has the mean that follows.
 #[test]
 fn a_mean_is_the_mean_of_its_parts() {
     let model = TriadModel::gyroscopes(&PUBLISHED[0].0);
@@ -372,7 +372,7 @@ fn faults_sit_in_the_axis_they_name() {
     assert!(dead.iter().all(|s| s.gyro[1] == 0));
 }
 
-/// 2.5 V at zero, 0.35 V per gauss of what the sensor sees; converter errors below 1 mV.
+/// 2.5 V at zero, 0.35 V per gauss at the sensor; converter errors below 1 mV.
 #[test]
 fn ad_reads_the_magnetometer_and_the_switches() {
     let mut host = Host::powered("good");

@@ -1,4 +1,4 @@
-//! The turntable against attitudes and earth rates worked out by hand, and its errors against their size.
+//! The turntable against attitudes and earth rates worked out by hand, and its errors against their stated size.
 
 use std::time::{Duration, Instant};
 
@@ -41,7 +41,7 @@ fn rate_dph(host: &Host) -> Vector3<f64> {
     host.bench.truth().influence.rate_rps.map(f64::to_degrees) * 3600.0
 }
 
-/// Earth rate by hand: along the polar axis all of it, whatever the heading; along north its cosine, up its sine.
+/// Earth rate by hand: all of it along the polar axis, at any heading; its cosine along north, its sine up.
 #[test]
 fn orientations_point_where_they_say() {
     let mut host = Host::powered(PERFECT);
@@ -59,18 +59,18 @@ fn orientations_point_where_they_say() {
             let truth = host.bench.truth();
             assert!((along(truth.influence.force) - truth.gravity).abs() < 1e-9);
             assert!((along(rate_dph(&host)) - EARTH_DPH * latitude.sin()).abs() < 1e-4);
-            // The next axis points east, so that the one after it sees the earth: south for an axis up.
+            // The next axis points east, so the third axis measures the earth rate: south for an axis up.
             let third = axis.next().next().index();
             assert!(rate_dph(&host)[axis.next().index()].abs() < 1e-4);
             assert!((rate_dph(&host)[third] - sign.factor() * EARTH_DPH * latitude.cos()).abs() < 1e-4);
-            // As a hand would lay it.
+            // The attitude of a module laid down by hand.
             let by_table = truth.attitude;
             host.bench.set_axis_up(axis, sign);
             host.bench.set_heading_deg(90.0);
             assert!((host.bench.truth().attitude - by_table).norm() < 1e-9);
         }
     }
-    // With Z to the pole, X at heading 0 lies in the meridian plane above: it sees cos(latitude) of gravity.
+    // With Z to the pole, X at heading 0 lies in the meridian plane above: it measures cos(latitude) of gravity.
     orient(&mut host, Along::Polar, ModuleAxis::Z, Sign::Plus, 0.0);
     let truth = host.bench.truth();
     assert!((truth.influence.force.x - truth.gravity * latitude.cos()).abs() < 1e-6, "{}", truth.influence.force);
@@ -94,8 +94,8 @@ fn any_attitude_and_a_small_tilt() {
     }
 }
 
-/// Three turns forth and back about each axis: the sum of the rate over the samples is the angle, within the table's
-/// own error, and it peaks at 240 deg/s.
+/// Three turns forth and back about each axis. The sum of the rate over the samples is the angle, within the table's
+/// own error, and the rate peaks at 240 deg/s.
 #[test]
 fn rotations_turn_by_their_angle() {
     for (text, about) in [(PERFECT, 0.002), ("", 0.02)] {
@@ -126,14 +126,14 @@ fn rotations_turn_by_their_angle() {
                 let peak = rates.iter().map(|rate| rate[axis.index()].abs()).fold(0.0, f64::max);
                 assert!((239.0..242.0).contains(&peak), "{peak}");
             }
-            // Back where it was, but for the table's errors.
+            // Back at the start, except for the table's errors.
             assert!((host.bench.truth().attitude - before).norm() < 1e-3);
         }
     }
 }
 
-/// The module turns about the table's axis, of which it sees the mounting: 0.1 deg about Z puts 1.745e-3 of a turn
-/// about X onto Y.
+/// The module turns about the table's axis and measures its own mounting: 0.1 deg about Z puts 1.745e-3 of a turn about
+/// X onto Y.
 #[test]
 fn the_mounting_shows_as_coupling() {
     let text = format!("{}\n", PERFECT.replace("mounting_deg = [0, 0, 0]", "mounting_deg = [0, 0, 0.1]"));
@@ -151,7 +151,7 @@ fn the_mounting_shows_as_coupling() {
     assert!((truth.influence.rate_rps.y.to_degrees() / 100.0 - axis.y).abs() < 1e-4);
 }
 
-/// Errors have the size that the model gives them, the same orientation has the same one, and the seed alone decides.
+/// Errors have the size that the model gives. The same orientation has the same error, and only the seed decides.
 #[test]
 fn errors_are_small_and_belong_to_the_orientation() {
     let arcsec = |host: &mut Host, axis| {
@@ -174,7 +174,7 @@ fn errors_are_small_and_belong_to_the_orientation() {
     assert!((tilted.bench.truth().table.axis_local.x - f64::to_radians(30.0 / 3600.0)).abs() < 1e-9);
 }
 
-/// A sensor off the axis of a spin is swung: w^2 r, with the rate and the lever by hand.
+/// A sensor off the axis of a spin feels w^2 r, with the rate and the lever worked out by hand.
 #[test]
 fn a_spin_ramps_up_swings_and_stops() {
     let text = PERFECT.replace("lever_arm_mm = [0, 0, 0]", "lever_arm_mm = [10, 0, 0]");
@@ -193,7 +193,7 @@ fn a_spin_ramps_up_swings_and_stops() {
     let spinning = pass(&mut host, 60.0);
     assert!((spinning.table.rate_dps - 5400.0).abs() < 1e-6);
     let swing = (15.0 * std::f64::consts::TAU).powi(2) * 0.01;
-    // Gravity turns with it: at most 9.8 either way.
+    // Gravity turns with it: at most 9.8 in each direction.
     assert!((spinning.influence.force.x + swing).abs() < 9.9, "{}", spinning.influence.force);
     let (done, still) = std::sync::mpsc::channel();
     host.bench.wait_still(done);
@@ -224,7 +224,7 @@ fn the_table_refuses_what_it_cannot_do() {
     assert_eq!(host.bench.spin(10.0), Err(TableRefusal::Moving));
     host.bench.stop();
     settle(&mut host);
-    // Stopped at the start of the way, with a hair moved: nobody knows how it lies.
+    // The table is stopped at the start of its way, after a tiny motion: its orientation is unknown.
     assert_eq!(host.bench.rotate(10.0, 5.0), Err(TableRefusal::NotOriented));
     orient(&mut host, Along::Up, ModuleAxis::X, Sign::Plus, 0.0);
     host.bench.rotate(10.0, 5.0).unwrap();
@@ -234,7 +234,7 @@ fn the_table_refuses_what_it_cannot_do() {
     );
 }
 
-/// At maximum speed a motion waits for somebody who lets time pass; waiting is enough, with no request and no stream.
+/// At maximum speed a motion needs a caller that lets time pass; waiting is enough, without a request or a stream.
 #[test]
 fn waiting_for_the_table_never_hangs() {
     const PATIENCE: Duration = Duration::from_secs(20);
@@ -254,7 +254,7 @@ fn waiting_for_the_table_never_hangs() {
     control.spin(5400.0).unwrap();
     assert_eq!(control.wait_still(), Err(TurntableError::Refused(TableRefusal::Spinning)));
     control.sleep(Duration::from_secs(180)).unwrap();
-    // Somebody waits, somebody else stops.
+    // One thread waits, another one stops the table.
     control.stop().unwrap();
     let waiting = {
         let control = control.clone();

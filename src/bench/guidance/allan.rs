@@ -1,14 +1,15 @@
-//! Allan deviations as they grow: of all samples, in a handful of numbers for each octave of the averaging time.
+//! Allan deviations that grow with the samples. They use all samples and keep a few numbers for each octave of the
+//! averaging time.
 //!
 //! Disjoint deviation (Riley, *Handbook of Frequency Stability Analysis*, NIST SP 1065, equation 7), which needs no
-//! record: of every averaging time only the newest mean and the sum so far are kept. The analysis takes the overlapping
-//! one over the whole record afterwards, which is smoother at long times.
+//! record: for each averaging time it keeps only the newest mean and the sum so far. The analysis later takes the
+//! overlapping deviation over the whole record, which is smoother at long times.
 
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample};
 
 /// Octaves of the averaging time: 2^32 samples are longer than any capture.
 const OCTAVES: usize = 32;
-/// Differences below which a deviation says too little to be shown: it may be wrong by half.
+/// Fewest differences for a deviation to be shown. With fewer, it may be wrong by half.
 const FEWEST: u64 = 4;
 
 /// Deviations of the three gyroscopes and the three accelerometers so far, at nominal scale.
@@ -20,12 +21,12 @@ pub struct AllanView {
     pub accel_mg: [Vec<(f64, f64)>; 3],
 }
 
-/// Means of one averaging time.
+/// The means of one averaging time.
 #[derive(Debug, Clone, Copy, Default)]
 struct Octave {
-    /// The first of two that make one of twice the time.
+    /// The first of two means that together give a mean of twice the time.
     half: Option<f64>,
-    /// The mean before.
+    /// The previous mean.
     before: Option<f64>,
     squares: f64,
     differences: u64,
@@ -35,7 +36,7 @@ struct Octave {
 #[derive(Debug, Clone, Default)]
 struct Channel {
     octaves: Vec<Octave>,
-    /// Taken off every value, so that an offset costs no digits.
+    /// The first value. It is subtracted from every value, so that an offset costs no digits.
     first: Option<f64>,
 }
 
@@ -80,7 +81,7 @@ pub struct AllanSoFar {
 }
 
 impl AllanSoFar {
-    /// Nothing was captured yet, at this rate.
+    /// A collector without samples at this rate.
     #[must_use]
     pub fn new(rate_hz: u16) -> Self {
         Self { rate_hz: f64::from(rate_hz.max(1)), gyro: Default::default(), accel: Default::default() }
@@ -116,11 +117,12 @@ mod tests {
     use super::*;
     use gnc_metrology::allan::{DeviationKind, Input, Taus, analyse};
 
-    /// What grows sample by sample is what the whole record gives, which the metrology's own tests hold against an
-    /// outside program.
+    /// The deviations that grow sample by sample equal those of the whole record. The metrology's own tests check the
+    /// latter against an outside program.
     #[test]
     fn the_same_as_of_the_whole_record() {
-        // Noise and a walk by a linear congruence (Knuth, MMIX): what they are does not matter, only that both ways agree.
+        // Noise and a walk from a linear congruence (Knuth, MMIX). Their kind does not matter; both ways must only
+        // agree.
         let mut state = 20_u64;
         let mut dice = |width: f64| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -1,13 +1,12 @@
-//! The field across the axis of a spin as it comes: points of it, and the ellipse through them.
+//! The field across the axis of a spin while it is captured: points of the field, and the ellipse through them.
 
 use gnc_metrology::ellipse::{self, Correction};
 use gnc_protocol::stream::{ImuSample, MAG_LSB_PER_GAUSS};
 
-/// Points that are kept of any number: more than a screen has dots on the ellipse, and fitted in a tenth of a
-/// millisecond.
+/// Most points that are kept: more than a screen has dots on the ellipse, and their fit takes a tenth of a millisecond.
 pub(crate) const POINTS: usize = 4096;
 
-/// What is seen of a spin so far.
+/// The field of a spin so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldView {
     /// X and Y of points spread over the spin, gauss at nominal scale, in the order in which they came.
@@ -16,11 +15,11 @@ pub struct FieldView {
     pub newest: [f64; 2],
     /// Samples so far.
     pub samples: usize,
-    /// The ellipse through the points, once there is one.
+    /// The ellipse through the points, as soon as they give one.
     pub ellipse: Option<RoughEllipse>,
 }
 
-/// An ellipse by an algebraic fit: a look at what the analysis will find, without its robustness.
+/// An ellipse by an algebraic fit: a preview of what the analysis will find, without its robustness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RoughEllipse {
     /// Centre, gauss.
@@ -29,7 +28,7 @@ pub struct RoughEllipse {
     pub semi_axes: [f64; 2],
     /// Direction of the major axis from X towards Y, degrees.
     pub rotation_deg: f64,
-    /// What makes a circle of it.
+    /// The correction that makes a circle of the ellipse.
     pub correction: Correction,
     /// Radius of that circle, gauss.
     pub radius: f64,
@@ -38,7 +37,7 @@ pub struct RoughEllipse {
 impl RoughEllipse {
     fn through(points: &[[f64; 2]]) -> Option<Self> {
         let [x, y] = [0, 1].map(|axis| points.iter().map(|point| point[axis]).collect::<Vec<f64>>());
-        // Too few points, or a curve that is not closed yet.
+        // The fit fails for too few points and for a curve that is not closed yet.
         let [cx, cy, major, minor, rotation_deg] = ellipse::fit_algebraic(&x, &y).ok()?;
         let (centre, semi_axes) = ([cx, cy], [major, minor]);
         let (correction, radius) = Correction::of_axes(centre, semi_axes, rotation_deg);
@@ -46,7 +45,7 @@ impl RoughEllipse {
         radius.is_finite().then_some(ellipse)
     }
 
-    /// A point of it, by the angle from its major axis.
+    /// A point of the ellipse, by the angle from its major axis.
     #[must_use]
     pub fn at(&self, angle_rad: f64) -> [f64; 2] {
         let (sin, cos) = self.rotation_deg.to_radians().sin_cos();
@@ -55,7 +54,7 @@ impl RoughEllipse {
     }
 }
 
-/// Roll angle in degrees by a corrected field, `atan2(-y', x')`: the field turns against the module.
+/// Roll angle in degrees from a corrected field, `atan2(-y', x')`: the field turns against the module.
 #[must_use]
 pub fn roll_deg(correction: &Correction, [x, y]: [f64; 2]) -> f64 {
     let (x, y) = correction.apply(x, y);
@@ -65,9 +64,9 @@ pub fn roll_deg(correction: &Correction, [x, y]: [f64; 2]) -> f64 {
 /// Collects the points of a spin about an axis.
 #[derive(Debug)]
 pub struct FieldSoFar {
-    /// The axes across the one of the spin.
+    /// The two axes across the axis of the spin.
     axes: [usize; 2],
-    /// One point is kept of so many samples.
+    /// One point is kept of each stretch of so many samples.
     stride: usize,
     points: Vec<[f64; 2]>,
     newest: [f64; 2],
@@ -75,7 +74,7 @@ pub struct FieldSoFar {
 }
 
 impl FieldSoFar {
-    /// Nothing was captured yet of a turn about this axis (0 for X, 1 for Y, 2 for Z).
+    /// A collector without samples for a turn about this axis (0 for X, 1 for Y, 2 for Z).
     #[must_use]
     pub fn new(axis: u8) -> Self {
         let axis = usize::from(axis);
@@ -99,7 +98,7 @@ impl FieldSoFar {
         }
     }
 
-    /// Where in its stretch the next point is taken: never in step with the turns.
+    /// Where in its stretch the next point is taken. The place varies, so that it is never in step with the turns.
     fn place(&self) -> usize {
         let stretch = self.samples / self.stride;
         ((stretch as f64 * 0.618_033_988_749_895).fract() * self.stride as f64) as usize
@@ -130,7 +129,7 @@ impl FieldSoFar {
 mod tests {
     use super::*;
 
-    /// An ellipse as a magnetometer sees it: zeros, two sensitivities, axes that are not square to each other.
+    /// An ellipse as a magnetometer sees it: offsets, two sensitivities, axes that are not square to each other.
     fn sample(angle_rad: f64) -> ImuSample {
         let (sin, cos) = angle_rad.sin_cos();
         let alpha = 2.0_f64.to_radians();
@@ -139,7 +138,7 @@ mod tests {
         ImuSample { mag: [counts(x), counts(y), 0], ..ImuSample::default() }
     }
 
-    /// Rates at which every kept sample would see the same side of the ellipse, if they were kept in step.
+    /// At these rates, samples kept in step with the turns would all see the same side of the ellipse.
     #[test]
     fn any_length_of_a_spin_is_seen_from_all_sides() {
         for (count, samples_a_turn) in [(300, 66.6), (200_000, 64.0), (200_000, 128.0), (1_000_000, 256.0)] {

@@ -9,7 +9,7 @@ use super::{ProcedureContext, ProcedureError, Recorder};
 
 /// Channels behind DIP switches 1 to 5.
 const CHANNELS: std::ops::RangeInclusive<u8> = 4..=8;
-/// Output of the analogue magnetometer in no field, and for each gauss.
+/// Output of the analogue magnetometer without a field, and its change for each gauss.
 const MAG_ZERO_V: f64 = gnc_protocol::analogue::MAG_ZERO_V;
 const MAG_V_PER_GAUSS: f64 = gnc_protocol::analogue::MAG_V_PER_GAUSS;
 
@@ -23,7 +23,7 @@ pub(super) async fn run(
     magnetometer(bench, samples, params.integer("headings")?, recorder).await
 }
 
-/// One switch on at a time; its reading follows and no other moves.
+/// Switches one channel on at a time: its reading must follow, and no other reading may move.
 async fn switches(bench: &ProcedureContext<'_>, samples: u16, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     bench.fixture.only_switch(None, recorder).await?;
     let off = read(bench, samples).await?;
@@ -42,7 +42,7 @@ async fn switches(bench: &ProcedureContext<'_>, samples: u16, recorder: &Recorde
     Ok(recorder.number(&CROSSTALK, crosstalk_v * 1e3, Unit::Millivolt).await?)
 }
 
-/// The horizontal field turns once round the module, so that X and Y sweep twice its strength; Z stays.
+/// The horizontal field turns once round the module, so that X and Y sweep twice its strength and Z stays.
 async fn magnetometer(
     bench: &ProcedureContext<'_>,
     samples: u16,

@@ -1,4 +1,4 @@
-//! Items of calibration and performance: they capture, and what the samples say is worked out from the captures alone.
+//! Items of calibration and performance. They capture samples, and their results come from the captures alone.
 
 use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::{self, AnalysisInput, Findings};
@@ -19,9 +19,9 @@ pub(super) async fn run(
     Ok(recorder.found(findings).await?)
 }
 
-/// Works out the figures on a thread of its own: the conversation with the board, whose watchdog waits for two seconds
-/// and no longer, goes on meanwhile. Where they are refused, the shares of bad samples are filed first: a module whose chip
-/// gives them fails by its limit, and the refusal stands beside it.
+/// Works out the figures on a separate thread. The conversation with the board goes on meanwhile, since the board's
+/// watchdog waits only two seconds. If the figures are refused, the shares of bad samples are filed first: a module
+/// whose chip gives bad samples fails by its limit, and the refusal stands beside it.
 pub(super) async fn analyse(
     item: ItemId,
     bench: &ProcedureContext<'_>,
@@ -44,7 +44,7 @@ pub(super) async fn analyse(
     }
 }
 
-/// Its own, or those of the item that its parameters name.
+/// The captures of the item itself, or those of the item that its parameters name.
 async fn captures(
     item: ItemId,
     bench: &ProcedureContext<'_>,

@@ -1,4 +1,5 @@
-//! The module sends test frames back: standard and extended ids, 0 to 8 bytes, in order, none lost, none altered.
+//! The module sends test frames back: standard and extended ids, 0 to 8 bytes, in order, without a lost or altered
+//! frame.
 
 mod exchange;
 mod frames;
@@ -38,7 +39,7 @@ pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -
     measured
 }
 
-/// Moves frames for the tap; it drops what else is on the bus.
+/// Moves frames for the tap and drops everything else on the bus.
 async fn drive(link: &mut CanLink) -> io::Error {
     loop {
         match link.next(true).await {
@@ -49,14 +50,15 @@ async fn drive(link: &mut CanLink) -> io::Error {
     }
 }
 
-/// Frames that no node acknowledges count as errors of the module's controller: nothing of such an exchange is judged.
+/// An exchange in which the bus went away is not judged: frames without an acknowledging node count as errors of the
+/// module's controller.
 fn went_away(name: &str) -> io::Error {
     io::Error::new(io::ErrorKind::NotConnected, format!("{name} went away in the middle of the test"))
 }
 
 async fn measure(bench: &ProcedureContext<'_>, tap: &Tap, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let (lost_before, absences) = (tap.lost_by_host(), tap.absences());
-    // Another one each time, so that what comes late is of no other exchange.
+    // Draw a new mark each time, so that late frames of another exchange are recognised.
     let mark = Mark(RandomState::new().hash_one(()) as u32);
     let observed =
         observe(tap, mark, async || Ok::<_, ProcedureError>(bench.board.call(&CanCounters {}).await?)).await?;

@@ -1,4 +1,4 @@
-//! Carries out a motion program: lays the module down, turns it, and files what the sensors say meanwhile.
+//! Carries out a motion program: lays the module down, turns it, and files the samples that the sensors give meanwhile.
 
 mod compensated;
 mod losses;
@@ -24,13 +24,14 @@ use super::{ProcedureContext, ProcedureError, Recorder};
 use crate::guidance::Course;
 use crate::turntable::{self, Turntable};
 
-/// A turn that takes longer than so many times its span, and so many seconds, is not the one that was asked for.
+/// A turn that takes longer than this factor times its span, plus the slack in seconds, is not the turn that was asked
+/// for.
 const LONGEST_TURN: f64 = 2.0;
 const SLACK_S: f64 = 60.0;
-/// Room that is kept ready for the samples of a turn, whose end nobody knows beforehand.
+/// Room that is kept ready for the samples of a turn, whose end is not known beforehand.
 const TURN_ROOM: usize = 1 << 14;
 
-/// Carries out a program and gives what was captured. The samples are on disk when it comes back.
+/// Carries out a program and returns its captures. The samples are on disk when it returns.
 ///
 /// # Errors
 /// [`ProcedureError`]; what was captured up to then is on disk.
@@ -54,7 +55,7 @@ pub(super) async fn run(
     };
     let followed = capture.follow(program, &taken).await;
     if followed.is_err() && capture.moving {
-        // The next item lays the module down. What ended this one counts, and not whether the table can be stopped.
+        // The next item lays the module down. The error that ended this item counts, not a failure to stop the table.
         let _ = table.stop().await;
     }
     let over = followed?;
@@ -66,7 +67,7 @@ pub(super) async fn run(
     Ok(capture.captures)
 }
 
-/// What an earlier run captured of this item, read beside the conversation with the board.
+/// The captures of this item from an earlier run, read in parallel to the conversation with the board.
 async fn taken(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -> Result<Vec<Capture>, ProcedureError> {
     let Some(resumed) = bench.resumed else { return Ok(Vec::new()) };
     let (resumed, item) = (resumed.clone(), recorder.item().to_owned());
@@ -88,7 +89,7 @@ struct ProgramCapture<'a> {
 }
 
 impl ProgramCapture<'_> {
-    /// Carries out what the run that broke off has not; gives how many captures it had.
+    /// Carries out the steps that the interrupted run has not; returns how many captures it had.
     async fn follow(&mut self, program: &MotionProgram, taken: &[Capture]) -> Result<usize, ProcedureError> {
         let mut over = 0;
         for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
@@ -135,14 +136,14 @@ impl ProgramCapture<'_> {
         }
     }
 
-    /// Files what was captured before.
+    /// Files a capture of the earlier run.
     async fn take_over(&mut self, capture: Option<&Capture>) -> Result<(), ProcedureError> {
         let Some(capture) = capture else { return Ok(()) };
         for piece in pieces(capture) {
             self.raw.write(piece).await?;
         }
         let mut capture = capture.clone();
-        // The new file has them on their grid, where the old one had them to within a microsecond.
+        // The new file has the samples on their grid; the old file had them to within a microsecond.
         let samples = capture.samples.len().max(capture.compensated.len());
         capture.timing.board = SampleClock::even(capture.about.rate_hz, capture.first_us, samples);
         self.captures.push(capture);
@@ -171,7 +172,7 @@ impl ProgramCapture<'_> {
         let end_us = stream.board_time_us();
         let losses = stream.losses();
         let closed = match &taken {
-            // The session may be gone; then there is nobody to ask.
+            // The session may be gone; then the board cannot be asked.
             Err(ProcedureError::Board(_)) => Ok(Closed { produced: 0, losses }),
             _ => board.stop_stream(stream).await,
         };
@@ -180,11 +181,11 @@ impl ProgramCapture<'_> {
         let CaptureBuffer { samples, compensated, first_us, clock, .. } = buffer;
         let (taken, timing) = match (taken, clock.end()) {
             (Ok(()), Ok(timing)) => (Ok(()), timing),
-            // A rate that cannot be known is no evidence; it is told by its own words.
+            // A capture with an unknown rate is not evidence; the clock fault is its error.
             (Ok(()), Err(fault)) => (Err(clock_fault(about, fault)), Timing::new(about.rate_hz)),
             (Err(trouble), _) => (Err(trouble), Timing::new(about.rate_hz)),
         };
-        // What came after the last sample is no part of the capture.
+        // Samples after the last one that was wanted do not belong to the capture.
         let losses = if losses.any() { losses } else { Losses { received: samples.len() as u32, ..losses } };
         if first_us.is_none() {
             self.raw.write(Piece::Begin { about: about.clone(), board_time_us: end_us }).await?;
@@ -205,7 +206,7 @@ impl ProgramCapture<'_> {
         Ok(())
     }
 
-    /// Takes samples until there are enough, or something is wrong with them.
+    /// Takes samples until there are enough or until they show a fault.
     async fn take(
         &mut self,
         buffer: &mut CaptureBuffer<'_>,
@@ -228,7 +229,8 @@ impl ProgramCapture<'_> {
             self.frame(buffer, stream, 0).await?;
         }
         let mut rest = TurnWatch::new(axis, rate_hz, &buffer.samples);
-        // The samples come later than the motion, so that they say when it is over; but not before the table does.
+        // The samples come later than the motion, so they show when it is over; but they do not show it before the
+        // table does.
         let longest = ((span_s * LONGEST_TURN + SLACK_S) * f64::from(rate_hz)) as usize;
         let turn = table.rotate(angle_deg, span_s);
         tokio::pin!(turn);
@@ -238,8 +240,8 @@ impl ProgramCapture<'_> {
             && rest.look(&buffer.samples).is_some_and(|still| buffer.samples.len() >= still + after))
         {
             {
-                // A frame that is being filed is never given up for the word that the turn is over. The table comes
-                // first, so that frames that lie ready never keep it from being told.
+                // A frame that is being filed is finished even if the turn is over meanwhile. The table is polled
+                // first, so that waiting frames never delay its answer.
                 let had = buffer.samples.len();
                 let frame = self.frame(buffer, stream, 0);
                 tokio::pin!(frame);
@@ -254,7 +256,7 @@ impl ProgramCapture<'_> {
                 }
             }
             if done_at.is_some_and(|had| buffer.samples.len() > had + longest + after) {
-                // What was seen instead is told by its angle.
+                // The error of the turn tells the angle that was seen instead.
                 break;
             }
         }
@@ -262,7 +264,7 @@ impl ProgramCapture<'_> {
         turned(buffer.about, &buffer.samples, before)
     }
 
-    /// Takes the next frame: files it, looks at it.
+    /// Takes the next frame: files it and checks it.
     async fn frame(
         &mut self,
         buffer: &mut CaptureBuffer<'_>,
@@ -279,7 +281,7 @@ impl ProgramCapture<'_> {
             self.raw.write(Piece::Begin { about: about.clone(), board_time_us }).await?;
         }
         let room = if wanted > 0 { (wanted as usize).saturating_sub(buffer.samples.len()) } else { usize::MAX };
-        // What comes behind a gap is evidence of it.
+        // Samples behind a gap are evidence of the gap.
         let (first, rate_hz) = (frame.head.first, about.rate_hz);
         let (samples, piece) = if let Some(all) = &mut buffer.compensated {
             let samples: Vec<CompensatedSample> = samples_of(&frame, room)?;
@@ -307,7 +309,7 @@ impl ProgramCapture<'_> {
     }
 }
 
-/// Whether the module turned as it should, by the gyroscope of the axis.
+/// Checks by the gyroscope of the axis that the module turned as it should.
 fn turned(about: &CaptureHead, samples: &[ImuSample], before: usize) -> Result<(), ProcedureError> {
     let Pose::Rotating { axis, angle_deg, .. } = about.pose else { return Ok(()) };
     let seen_deg = turned_deg(samples, axis, about.rate_hz, before);
@@ -317,7 +319,7 @@ fn turned(about: &CaptureHead, samples: &[ImuSample], before: usize) -> Result<(
     Err(ProcedureError::NotTurned { label: about.label.clone(), wanted_deg: angle_deg, seen_deg })
 }
 
-/// The board's clock spoils a capture.
+/// The error for a board clock that spoils a capture.
 fn clock_fault(about: &CaptureHead, fault: ClockFault) -> ProcedureError {
     ProcedureError::Clock { what: format!("capture `{}`", about.label), fault }
 }
@@ -325,7 +327,7 @@ fn clock_fault(about: &CaptureHead, fault: ClockFault) -> ProcedureError {
 /// How long a module may take to say who it is after a power-on, s.
 const STARTS_WITHIN_S: f64 = 10.0;
 
-/// Takes the module's power away for so long, and makes sure that the same module comes back.
+/// Switches the module's power off for a time, and makes sure that the same module comes back.
 pub(super) async fn power_cycle(
     bench: &ProcedureContext<'_>,
     recorder: &Recorder<'_>,
@@ -338,7 +340,7 @@ pub(super) async fn power_cycle(
     bench.board.call(&ModulePower { on: 0 }).await?;
     recorder.powered(false, None).await?;
     let waited = table.pause(Duration::from_secs_f64(off_s)).await;
-    // On again whatever comes: other items expect it.
+    // Switch the power on again in all cases: other items expect it.
     let (supply, answer) = bench.board.ask(&ModulePower { on: 1 }).await?;
     recorder.powered(true, Some((supply.supply_uv, supply.supply_ua))).await?;
     waited?;
@@ -357,13 +359,13 @@ enum Until {
     Turned { before: usize, after: usize },
 }
 
-/// What was taken of the capture that goes on.
+/// The samples of the current capture so far.
 struct CaptureBuffer<'a> {
     about: &'a CaptureHead,
     watch: Watch,
-    /// Raw samples; or the compensated ones as a perfect sensor would tell them, for those who watch.
+    /// Raw samples; or the compensated ones as a perfect sensor would give them, for guidance and checks.
     samples: Vec<ImuSample>,
-    /// The compensated samples, where those are captured.
+    /// The compensated samples, if they are captured.
     compensated: Option<Vec<CompensatedSample>>,
     first_us: Option<u64>,
     clock: ClockWatch,

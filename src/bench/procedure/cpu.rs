@@ -105,7 +105,7 @@ async fn floats(bench: &ProcedureContext<'_>, core: u8, sets: usize) -> Result<u
     Ok(errors)
 }
 
-/// A count that differs is not an arithmetic error of the module: the board did not do what it was asked.
+/// A count that differs is not an arithmetic error of the module: the board did not do what the station asked.
 fn same_length(what: &'static str, asked: usize, got: usize) -> Result<(), ProcedureError> {
     if asked == got {
         return Ok(());

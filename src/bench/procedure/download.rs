@@ -1,4 +1,4 @@
-//! The coefficients go to the module, are stored there, and are read back after the module was without power.
+//! Writes the coefficients to the module, stores them there, and reads them back after a time without power.
 
 use chrono::Utc;
 use gnc_analysis::figures::calibration::{COEFFICIENTS, ModuleCoefficients};
@@ -45,7 +45,7 @@ fn message(coefficients: &ModuleCoefficients) -> Calibration {
     let ModuleCoefficients { accel_matrix, accel_offset, gyro_matrix, gyro_offset, gyro_per_force, mag } =
         *coefficients;
     Calibration {
-        // Never 0 from now on, and another one for each calibration of a module.
+        // The number is never 0, and each calibration of a module has another one.
         id: u32::try_from(Utc::now().timestamp()).unwrap_or(u32::MAX).max(1),
         accel_matrix,
         accel_offset,
@@ -59,7 +59,7 @@ fn message(coefficients: &ModuleCoefficients) -> Calibration {
     }
 }
 
-/// Coefficients that are not, bit for bit, those that were written; all of them if nothing is stored.
+/// Counts the coefficients that differ in any bit from those that were written; all of them if nothing is stored.
 fn altered(written: &Calibration, read: &CalibrationReadReply) -> u64 {
     let bytes = |calibration: &Calibration| calibration.to_payload().map(|bytes| bytes.to_vec()).unwrap_or_default();
     let (written, read) = (bytes(written), read.calibration.first().map(bytes).unwrap_or_default());

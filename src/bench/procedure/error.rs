@@ -1,4 +1,4 @@
-//! Why a procedure came to no end.
+//! Why a procedure did not finish.
 
 use gnc_analysis::figures::FigureError;
 use gnc_analysis::motion::watch::Spoilt;
@@ -14,22 +14,22 @@ use gnc_records::store::StoreError;
 use crate::fixture::FixtureError;
 use crate::recorder::ReadBackError;
 
-/// Why a procedure came to no end.
+/// Why a procedure did not finish.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ProcedureError {
-    /// The board or the way to it.
+    /// The board or the line to it has a fault.
     #[error(transparent)]
     Board(#[from] BoardError),
-    /// Whoever turns the module.
+    /// The fixture has a fault.
     #[error(transparent)]
     Fixture(FixtureError),
-    /// What was measured could not be filed.
+    /// A measurement could not be filed.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The plan was not checked against the catalogue: a mistake in this program.
     #[error(transparent)]
     Param(#[from] ParamError),
-    /// Samples are missing, so that nothing can be said of the module.
+    /// Samples are missing, so the station cannot judge the module.
     #[error(
         "samples are missing: {} of {wanted} received, {} lost on the board, {} on the line",
         losses.received, losses.on_board, losses.on_line
@@ -37,7 +37,7 @@ pub(crate) enum ProcedureError {
     SamplesLost {
         /// Samples asked for.
         wanted: u32,
-        /// What came and what did not.
+        /// Counts of received and lost samples.
         losses: Losses,
     },
     /// A capture has a gap, so that no figure may come from it.
@@ -52,10 +52,10 @@ pub(crate) enum ProcedureError {
         after: u32,
         /// Time in the capture.
         at_s: f64,
-        /// What came and what did not.
+        /// Counts of received and lost samples.
         losses: Losses,
     },
-    /// The samples are not on the grid of the board's own clock, so that no rate is known.
+    /// The samples are not on the grid of the board's own clock, so their rate is unknown.
     #[error("{what}: {fault}")]
     Clock {
         /// What was captured.
@@ -63,7 +63,7 @@ pub(crate) enum ProcedureError {
         /// What is wrong with its times.
         fault: ClockFault,
     },
-    /// A capture is of no use.
+    /// A capture is spoilt.
     #[error("capture `{label}` is spoilt at {at_s:.2} s")]
     Spoilt {
         /// The capture.
@@ -84,19 +84,19 @@ pub(crate) enum ProcedureError {
         /// What the gyroscope of the axis saw, at nominal scale.
         seen_deg: f64,
     },
-    /// No figure comes from the captures.
+    /// The captures give no figure.
     #[error(transparent)]
     Figure(#[from] FigureError),
-    /// What an earlier run captured cannot be taken over.
+    /// The captures of an earlier run cannot be taken over.
     #[error(transparent)]
     Resume(#[from] ResumeError),
-    /// Nothing could be worked out from the captures: a mistake in this program.
+    /// The analysis of the captures broke down: a mistake in this program.
     #[error("nothing could be worked out: {why}")]
     Analysis {
         /// What happened.
         why: String,
     },
-    /// What another item captured cannot be read back.
+    /// The captures of another item cannot be read back.
     #[error(transparent)]
     Captures(#[from] ReadBackError),
     /// The CAN bus could not be joined.
@@ -105,7 +105,7 @@ pub(crate) enum ProcedureError {
     /// The CAN bus went away.
     #[error("the CAN bus is gone")]
     CanGone(#[from] std::io::Error),
-    /// Test frames did not come back as they went out, and the module's controller knows of no error.
+    /// Test frames did not come back as they were sent, but the module's controller counts no error.
     #[error(
         "of {sent} CAN frames {lost} did not come back and {astray} came twice or out of turn; the module received {received} \
          and counts no error{}{}{}{}", lost_here(*by_host), beside(*others, *busy_percent, *span_s), of_before(*stale),
@@ -114,21 +114,21 @@ pub(crate) enum ProcedureError {
     FramesLost {
         /// Test frames sent.
         sent: u64,
-        /// Test frames that were not sent, since nothing came back any more.
+        /// Test frames that were not sent, since no more echoes came.
         unsent: u64,
-        /// Of those sent, not back.
+        /// Sent frames that are not back.
         lost: u64,
-        /// Back twice, or before one that was sent earlier.
+        /// Frames that came back twice, or before a frame that was sent earlier.
         astray: u64,
-        /// Received by the module as it says.
+        /// Frames that the module received, by its own count.
         received: u32,
         /// Frames that this computer lost meanwhile, as far as it knows.
         by_host: u64,
         /// Other frames on the bus meanwhile, from any sender.
         others: u64,
-        /// What they take of the bus.
+        /// Their share of the bus.
         busy_percent: f64,
-        /// How long it was tried.
+        /// How long the station tried.
         span_s: f64,
         /// Frames of an earlier exchange, or of another node, that came under test ids before any could be sent.
         stale: u64,
@@ -141,14 +141,14 @@ pub(crate) enum ProcedureError {
     TestIdsShared {
         /// Test frames sent.
         sent: u64,
-        /// Of those, not back as they were.
+        /// Sent frames that are not back unaltered.
         lost: u64,
-        /// Frames under the module's ids that answer none of them.
+        /// Frames under the module's ids that are not echoes of these frames.
         strange: u64,
         /// Test frames that this station did not send.
         foreign: u64,
     },
-    /// The answer does not fit the question, under a good checksum.
+    /// An answer with a good checksum that does not fit the question.
     #[error("the board's answer to {what} does not fit the question: {why}")]
     Nonsense {
         /// The request.
@@ -156,7 +156,7 @@ pub(crate) enum ProcedureError {
         /// In which way.
         why: String,
     },
-    /// The board's switch is off, and the module is not.
+    /// The board's switch is off, but the module still has supply.
     #[error(
         "cycle {cycle}: the supply is switched off, and the module still has {voltage_v:.3} V and {current_a:.3} A"
     )]
@@ -171,11 +171,11 @@ pub(crate) enum ProcedureError {
     /// Another module answers than before in this run.
     #[error("{when}: the module says that it is {is}, and was {was} before")]
     ModuleChanged {
-        /// When it said so.
+        /// When the module said so.
         when: String,
-        /// Who it was.
+        /// The module before.
         was: String,
-        /// Who it is.
+        /// The module now.
         is: String,
     },
     /// This station has no procedure for the item.
@@ -195,7 +195,7 @@ pub(crate) enum ProcedureError {
 }
 
 impl From<FixtureError> for ProcedureError {
-    /// A record that cannot be written is no fault of the fixture, and ends the run.
+    /// A record that cannot be written is not a fault of the fixture, and ends the run.
     fn from(error: FixtureError) -> Self {
         match error {
             FixtureError::Store(error) => Self::Store(error),
@@ -259,7 +259,7 @@ impl ProcedureError {
     }
 }
 
-/// Share of the bus from which on other frames are the first thing to look at.
+/// Share of the bus above which other frames are the first thing to look at.
 const BUSY_PERCENT: f64 = 30.0;
 
 fn beside(others: u64, busy_percent: f64, span_s: f64) -> String {

@@ -7,8 +7,8 @@ use gnc_protocol::message::{Flash, FlashBlankCheck, FlashErase, FlashId, FlashVe
 
 use super::{ProcedureContext, ProcedureError, Recorder};
 
-/// Fixed, so that a sector can be compared by hand; another one than after the test before would only hide a
-/// sector that was never erased, which the blank check finds.
+/// Fixed, so that a sector can be compared by hand. A new pattern for each test would only reveal a sector that was
+/// never erased, and the blank check finds that already.
 const PATTERN_SEED: u32 = 0x2545_f491;
 
 pub(super) async fn run(

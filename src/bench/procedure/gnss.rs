@@ -1,4 +1,4 @@
-//! The GNSS receiver: its raw sentences and 1PPS edges come through the board; they are read and weighed here.
+//! The GNSS receiver: its raw sentences and 1PPS edges come through the board. This module reads and weighs them.
 
 mod figures;
 
@@ -15,10 +15,10 @@ use tokio::time::Instant;
 
 use super::{ProcedureContext, ProcedureError, Recorder};
 
-/// Longest time beyond the window for a GSA, which some receivers say with every fifth epoch or so.
+/// Longest time beyond the window for a GSA sentence, which some receivers send with about every fifth epoch.
 const DIMENSIONS_WITHIN_S: f64 = 10.0;
 
-/// A receiver's slowest pace.
+/// The slowest interval of a receiver's sentences.
 const RECEIVER_SPEAKS_EVERY: Duration = Duration::from_secs(1);
 
 pub(super) async fn run(
@@ -39,7 +39,7 @@ pub(super) async fn run(
     if let Some(start) = restarted {
         bench.board.call(&GnssRestart { start: start as u8 }).await?;
     }
-    // Both at once, so that no time passes between them, also where simulated time does not wait.
+    // Start both at once, so that no time passes between them, even if simulated time does not wait.
     let [start_pulses, start_bytes] =
         [StreamId::Pps, StreamId::Gnss].map(|stream| StreamStart { stream: stream as u8, ..StreamStart::default() });
     tokio::try_join!(bench.board.call(&start_pulses), bench.board.call(&start_bytes))?;
@@ -48,8 +48,8 @@ pub(super) async fn run(
     bench.board.spent(heard.listened + heard.waited(asked));
     let in_window = bytes.losses();
     let (bytes, pulses) = tokio::try_join!(bench.board.stop_stream(bytes), bench.board.stop_stream(pulses))?;
-    // A receiver is not mute, and a pulse not missing, because the line lost what they said. Of a receiver with a fix
-    // nothing is used that came behind the window.
+    // If the line lost bytes or pulses, the receiver is not called mute and a pulse not missing. For a receiver with a
+    // fix, data after the window is not used.
     let said = if heard.fixes.is_empty() { bytes } else { Closed { losses: in_window, ..bytes } };
     for Closed { produced, losses } in [said, pulses] {
         if losses.any() {
@@ -59,20 +59,21 @@ pub(super) async fn run(
     figures::file(&heard, restarted.is_some(), bench.site, recorder).await
 }
 
-/// What came of the receiver.
+/// What the receiver said.
 #[derive(Debug, Default)]
 struct Heard {
-    /// From the first sentence after the restart to the first fix. The board does not tell when it restarted the receiver.
+    /// Time from the first sentence after the restart to the first fix. The board does not tell when it restarted the
+    /// receiver.
     time_to_fix_s: Option<f64>,
     /// Board time of the first fix.
     fixed_us: Option<u64>,
-    /// Epochs since the fix.
+    /// Epochs after the first fix.
     fixes: Vec<Epoch>,
-    /// The last epoch without one.
+    /// The last epoch without a fix.
     without_fix: Option<Epoch>,
-    /// Epochs after the first fix that had none.
+    /// Epochs without a fix after the first fix.
     fixes_lost: u32,
-    /// Counts beside the epochs, the receiver's own errors and other protocols.
+    /// Counts of everything beside the epochs: the receiver's own errors and other protocols.
     sentences: Sentences,
     pulses_ns: Vec<u64>,
     /// When the first sentence came, by link time.
@@ -94,13 +95,13 @@ impl Heard {
         }
     }
 
-    /// Whether the number of dimensions is not known yet, and may be told still.
+    /// Whether the number of dimensions is not known yet and may still come.
     fn may_tell_dimensions(&self) -> bool {
         self.fixes.len() <= DIMENSIONS_AFTER && self.fixes.iter().all(|epoch| epoch.fix == Fix::DimensionsUnknown)
     }
 
-    /// Board time from the start of the stream to the first sentence. No frame tells it, so it is link time at the
-    /// pace at which board time passed after it; a receiver that runs speaks at least once a second.
+    /// Board time from the start of the stream to the first sentence. No frame tells it. So it is link time, scaled by
+    /// the pace of board time after that sentence. A running receiver speaks at least once a second.
     fn waited(&self, asked: Instant) -> Duration {
         let Some(first) = self.first else { return Duration::ZERO };
         let pace = self.listened.as_secs_f64() / first.elapsed().as_secs_f64().max(1e-6);
@@ -109,7 +110,7 @@ impl Heard {
     }
 }
 
-/// Listens until the window after the fix is over, or the time for a fix is. Both go by the board's clock.
+/// Listens until the window after the fix is over or the time limit for a fix is. Both go by the board's clock.
 async fn listen(
     bytes: &mut Stream,
     pulses: &mut Stream,
@@ -121,7 +122,8 @@ async fn listen(
     let mut now_us = 0;
     loop {
         tokio::select! {
-            // Pulses first: at full speed the simulated bench says seconds at once, and the window ends with the sentences.
+            // Pulses first: at full speed the simulated bench sends seconds of data at once, and the window ends with
+            // the sentences.
             biased;
             frame = pulses.next() => {
                 let Some(frame) = frame? else { continue };

@@ -1,4 +1,4 @@
-//! Who the module is, and what it draws from its supply.
+//! The module's identity and the current that it draws.
 
 use gnc_executive::catalogue::processor::{
     FIRMWARE, HARDWARE, PART, PROTOCOL, SERIAL_NUMBER, SUPPLY_CURRENT, SUPPLY_VOLTAGE,
@@ -16,7 +16,7 @@ pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -
     recorder.text(&HARDWARE, &identity.hardware).await?;
     recorder.text(&FIRMWARE, &identity.firmware).await?;
     recorder.count(&PROTOCOL, identity.protocol.into()).await?;
-    // Switching on what is on measures the supply again, now with the module at work.
+    // Switching on a module that is on measures the supply again, now with the module at work.
     let supply = bench.board.call(&ModulePower { on: 1 }).await?;
     recorder.number(&SUPPLY_VOLTAGE, f64::from(supply.supply_uv) * 1e-6, Unit::Volt).await?;
     Ok(recorder.number(&SUPPLY_CURRENT, f64::from(supply.supply_ua) * 1e-6, Unit::Ampere).await?)

@@ -65,7 +65,7 @@ pub(super) async fn run(
     Ok(())
 }
 
-/// Captures so many samples without a gap, on the grid of the board's clock.
+/// Captures this many samples without a gap, on the grid of the board's clock.
 async fn capture(
     bench: &ProcedureContext<'_>,
     rate_hz: u16,
@@ -85,7 +85,7 @@ async fn capture(
                 .map_err(|error| ProcedureError::Nonsense { what: "the IMU stream", why: error.to_string() })?;
             samples.push(sample);
         }
-        // What the line lost is told first.
+        // Losses of the line are reported first.
         fault = fault.or(clock.frame(&frame.head, frame.head.count.into()).err());
         bench.board.captured(samples.len() as u32, wanted, rate_hz);
         if frame.head.first.saturating_add(frame.head.count.into()) >= wanted {

@@ -7,7 +7,7 @@ use super::{ProcedureContext, ProcedureError, Recorder};
 
 const LINES: u8 = 4;
 
-/// What all four lines read while one drives another.
+/// Readings of all four lines while one line drives another.
 #[derive(Debug, Clone, Copy)]
 struct Observation {
     driver: u8,
@@ -36,7 +36,7 @@ pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -
             }
         }
     }
-    // Connected lines are at the driven level, the two others at the one to which they are pulled.
+    // Connected lines are at the driven level; the two others are at the level to which they are pulled.
     let wrong_line = |seen: &Observation, line| seen.reads(line) != (seen.level == seen.connected(line));
     let wrong_reads: usize = seen.iter().map(|seen| (0..LINES).filter(|line| wrong_line(seen, *line)).count()).sum();
     recorder.count(&WRONG_READS, wrong_reads as u64).await?;
@@ -47,8 +47,8 @@ pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -
     Ok(recorder.text(&SHORTED_LINES, &list(&shorts(&seen))).await?)
 }
 
-/// Two lines are shorted if, whenever the board connects one of them and leaves the other to its pull, the other
-/// follows all the same.
+/// Two lines are shorted if the second follows the first each time the board connects only the first and leaves the
+/// second to its pull.
 fn shorts(seen: &[Observation]) -> Vec<String> {
     let mut found = Vec::new();
     for a in 0..LINES {

@@ -1,12 +1,13 @@
-//! The board's switch takes the module's supply away and gives it back: does the module start each time, as soon, and does
-//! it draw the same?
+//! The board's switch cycles the module's supply. Does the module start each time, in the same time, and does it draw
+//! the same current?
 //!
-//! The time to the first identity is board time, since no request and no simulated bench goes by the wall's clock: the time
-//! of the request for power, of every request for the identity up to the first answer, and of the pauses between them. The
-//! way over the line between two requests, about a millisecond of each, is not in it.
+//! The time to the first identity is board time, since requests and the simulated bench do not follow wall time. It is
+//! the time of the request for power, of each request for the identity up to the first answer, and of the pauses
+//! between them. It does not include the transfer over the line between two requests, about a millisecond each.
 //!
-//! Nothing is believed. A module that answers or draws current without supply, another module than before, and a meter whose
-//! readings never move make the item errored: such cycles are no evidence. A module that does not start fails.
+//! The item believes nothing unchecked. It is errored if a module answers or draws current without supply, if another
+//! module answers than before, or if the meter's readings never move: such cycles are not evidence. A module that does
+//! not start fails.
 
 use std::time::Duration;
 
@@ -26,10 +27,10 @@ use super::start::{Start, first_identity};
 use super::{ProcedureContext, ProcedureError, Recorder};
 use crate::turntable::{self, Turntable};
 
-/// A tenth of the published 5 V and 0.49 A. A module that has more without supply is not off.
+/// A tenth of the published 5 V and 0.49 A. A module with more than that is not off.
 const FED_V: f64 = 0.5;
 const FED_A: f64 = 0.05;
-/// So many cycles show whether the meter's readings move.
+/// Cycles that are needed to show whether the meter's readings move.
 const CYCLES_OF_METER: usize = 3;
 
 /// A reading of the supply: voltage at the socket in V, current into the module in A.
@@ -48,13 +49,13 @@ impl Supply {
 /// One cycle.
 #[derive(Debug)]
 struct Cycle {
-    /// At the end of the time without supply.
+    /// Supply at the end of the time without power.
     off: Supply,
-    /// As soon as the board calls it settled.
+    /// Supply as soon as the board calls it settled.
     switched_on: Supply,
-    /// After the settling time, with the module at work.
+    /// Supply after the settling time, with the module at work.
     settled: Supply,
-    /// From the request for power to the first identity, s; or what the module's silence is.
+    /// Time from the request for power to the first identity, s; or the error of a module that stays silent.
     start: Result<f64, BoardError>,
 }
 
@@ -79,7 +80,7 @@ pub(super) async fn run(
         }
         bench.board.advanced(cycles.len() as f64, wanted as f64);
     }
-    // What was seen stands beside the reason why it is no evidence.
+    // The measured cycles stand beside the reason why they are not evidence.
     let ended = ended.and_then(|()| check_meter(&cycles));
     recorder.found(Findings { measured: Vec::new(), details: details(&cycles) }).await?;
     ended?;
@@ -100,13 +101,13 @@ struct Switch<'a> {
 }
 
 impl Switch<'_> {
-    /// Off and on again. After an error the runner sees to the supply.
+    /// Switches off and on again. After an error the runner restores the supply.
     async fn cycle(&self, number: usize) -> Result<Cycle, ProcedureError> {
         let board = self.bench.board;
         board.call(&ModulePower { on: 0 }).await?;
         self.recorder.powered(false, None).await?;
         self.table.pause(Duration::from_secs_f64(self.off_s)).await?;
-        // Switching off what is off measures the supply again.
+        // Switching off a module that is off measures the supply again.
         let off = Supply::of(&board.call(&ModulePower { on: 0 }).await?);
         if off.voltage_v > FED_V || off.current_a > FED_A {
             let Supply { voltage_v, current_a } = off;
@@ -122,7 +123,7 @@ impl Switch<'_> {
         Ok(Cycle { off, switched_on: Supply::of(&reply), settled, start })
     }
 
-    /// A board that answers for a module without supply would hide that it does not start.
+    /// A board that answers for a module without supply would hide a module that does not start.
     async fn must_not_answer(&self, number: usize) -> Result<(), ProcedureError> {
         match self.bench.board.call(&Identity {}).await {
             Err(BoardError::Refused { code: NakCode::NotPowered, .. }) => Ok(()),
@@ -134,7 +135,8 @@ impl Switch<'_> {
         }
     }
 
-    /// Asks who the module is until it says so, and tells when that was; the inner error if it does not in time.
+    /// Asks for the identity until the module answers, and returns the time of the answer; the inner error if it comes
+    /// too late.
     async fn start(&self, number: usize, switching: Duration) -> Result<Result<f64, BoardError>, ProcedureError> {
         match first_identity(self.bench, self.table, switching, self.timeout_s).await? {
             Start::Answered { identity, after_s } => {
@@ -150,7 +152,7 @@ impl Switch<'_> {
     }
 }
 
-/// Readings of a meter that measures scatter; only one that stands gives the same one to the last bit in each cycle.
+/// Readings of a real meter scatter. Only a stuck meter gives the same value to the last bit in each cycle.
 fn check_meter(cycles: &[Cycle]) -> Result<(), ProcedureError> {
     let Some(first) = cycles.first().map(|cycle| cycle.settled) else { return Ok(()) };
     let stands = cycles.iter().all(|cycle| cycle.switched_on == first && cycle.settled == first);
@@ -177,7 +179,7 @@ fn details(cycles: &[Cycle]) -> serde_json::Value {
     json!({ "cycles": cycles.iter().enumerate().map(row).collect::<Vec<_>>() })
 }
 
-/// The worst of all cycles.
+/// Files the worst values of all cycles.
 async fn file(cycles: &[Cycle], recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let highest = |of: &dyn Fn(&Cycle) -> f64| cycles.iter().map(of).fold(f64::NEG_INFINITY, f64::max);
     let lowest = |of: &dyn Fn(&Cycle) -> f64| cycles.iter().map(of).fold(f64::INFINITY, f64::min);

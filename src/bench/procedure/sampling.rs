@@ -1,4 +1,4 @@
-//! The clock of a capture while it goes on: the samples' times by the board, and the board's clock against the host's.
+//! The clock of a capture under way: the samples' times by the board, and the board's clock against the host's.
 
 use gnc_analysis::capture::Timing;
 use gnc_analysis::host_clock::HostWatch;
@@ -9,17 +9,17 @@ use tokio::time::Instant;
 
 use super::ProcedureContext;
 
-/// A rate is judged from so many seconds on, and at the end: a fault is known to a ppm then, and an hour with a wrong clock
-/// is not waited for.
+/// A rate is judged from this capture time on, and at the end. A fault is known to a ppm by then, so an hour with a
+/// wrong clock is not waited for.
 const JUDGED_FROM_S: f64 = 1.0;
 
-/// Samples of a frame that are asked for; 0 leaves them to the board. The frames of a short stream hold one each, so that
-/// more than one sample tells its time.
+/// Samples of a frame to ask for; 0 leaves them to the board. The frames of a short stream hold one sample each, so
+/// that more than one sample tells its time.
 pub(super) fn samples_per_frame(count: u32) -> u8 {
     u8::from((1..=MAX_COMPENSATED_SAMPLES as u32 + 2).contains(&count))
 }
 
-/// Watches over the clock of one capture.
+/// Checks the clock of one capture.
 #[derive(Debug)]
 pub(super) struct ClockWatch {
     rate_hz: u16,
@@ -27,7 +27,7 @@ pub(super) struct ClockWatch {
     host: HostWatch,
     began: Instant,
     on_can: bool,
-    /// Samples that told their time, and the last of them: on CAN the number of its mark.
+    /// Number of samples that told their time, and the last of them: on CAN the number of its mark.
     told: (u32, Option<u32>),
     samples: usize,
 }
@@ -45,10 +45,10 @@ impl ClockWatch {
         }
     }
 
-    /// A frame came, of which so many samples are used.
+    /// Takes a frame whose first `samples` samples are used.
     ///
     /// # Errors
-    /// [`ClockFault`], once it is sure.
+    /// [`ClockFault`], as soon as it is certain.
     pub(super) fn frame(&mut self, head: &StreamHead, samples: usize) -> Result<(), ClockFault> {
         self.board.frame(head.first, head.board_time_us, samples);
         let place = if self.on_can { head.first / MARK_EVERY } else { head.first };
@@ -67,7 +67,7 @@ impl ClockWatch {
         }
     }
 
-    /// The capture is over.
+    /// Ends the capture.
     ///
     /// # Errors
     /// [`ClockFault`].

@@ -1,4 +1,4 @@
-//! The module's SCI echoes blocks: every byte, several lengths, nothing lost, error counters zero.
+//! The module's SCI echoes blocks of several lengths: every byte must come back, and the error counters must stay zero.
 
 use gnc_executive::catalogue::ports::{
     BLOCKS_LOST, BYTES_TESTED, BYTES_WRONG, FRAMING_ERRORS, OVERRUN_ERRORS, PARITY_ERRORS,
@@ -11,7 +11,7 @@ use gnc_protocol::wire::List;
 
 use super::{ProcedureContext, ProcedureError, Recorder};
 
-/// One byte, around the depth of a 16-byte FIFO, odd, and the longest block.
+/// One byte, lengths around the depth of a 16-byte FIFO, an odd length, and the longest block.
 const LENGTHS: [usize; 6] = [1, 15, 16, 17, 101, 256];
 
 pub(super) async fn run(

@@ -1,4 +1,4 @@
-//! SPI wired to the IO lines: what one side sends the other must see, both ways.
+//! SPI wired to the IO lines: each side must receive what the other sends.
 
 use gnc_executive::catalogue::ports::{BITS_TESTED, IN_BIT_ERRORS, OUT_BIT_ERRORS};
 use gnc_executive::plan::Params;
@@ -34,7 +34,7 @@ pub(super) async fn run(
     Ok(recorder.count(&BITS_TESTED, bits).await?)
 }
 
-/// Bits that differ; a byte that is missing or too much counts as eight.
+/// Number of wrong bits; a missing or additional byte counts as eight.
 fn bit_errors(sent: &[u8], seen: &[u8]) -> u64 {
     let altered: u32 = sent.iter().zip(seen).map(|(sent, seen)| (sent ^ seen).count_ones()).sum();
     u64::from(altered) + 8 * sent.len().abs_diff(seen.len()) as u64

@@ -23,11 +23,11 @@ pub(super) async fn run(
         let mut missing = 0.0;
         for (period_us, of_interval) in PERIODS_US.into_iter().zip(&of_timer.intervals) {
             let reply = bench.board.call(&TimerMeasure { timer, period_us, count }).await?;
-            // Too many in one interval do not make up for too few in another.
+            // Too many interrupts in one interval do not make up for too few in another.
             missing += (f64::from(count) - f64::from(reply.interrupts)).abs();
             let intervals_us: Vec<f64> = reply.intervals_ns.iter().map(|ns| f64::from(*ns) * 1e-3).collect();
             if intervals_us.is_empty() {
-                // No interrupt, no interval: the count of the missing ones says what there is to say.
+                // Without interrupts there are no intervals: the count of missing interrupts says it all.
                 continue;
             }
             let nominal = f64::from(period_us);

@@ -1,4 +1,4 @@
-//! One attempt of an item, from its first request to whatever ended it.
+//! One attempt of an item, from its first request to its end.
 
 use gnc_analysis::figures::Findings;
 use gnc_analysis::host_clock::HostClock;
@@ -32,7 +32,7 @@ impl Run<'_> {
         self.live.doing.send_modify(|live| live.push(doing));
         let lease = BoardLease::new(board, sender);
         let recorder = Recorder::new(self.journal, item, attempt, &self.order.header.serial_number);
-        // After a stop only teardown items run, and those may be ended by a second one alone.
+        // After a stop only teardown items run, and only a second stop ends those.
         let may_stop = item.phase != Phase::Teardown;
         let end = tokio::select! {
             biased;
@@ -42,7 +42,7 @@ impl Run<'_> {
         };
         let uses = |resource| item.id.spec().resources.contains(&resource);
         if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
-            // Before anything else: somebody may have his hands there.
+            // Stop the table before anything else: a person may have hands on it.
             turntable::stop_at_once(&self.order.fixture);
         }
         let left_behind = match &end {
@@ -57,7 +57,7 @@ impl Run<'_> {
                 () = lease.clear() => {}
             }
             if uses(Resource::Power) {
-                // It may have been left without; whoever comes next finds out if it stays so.
+                // The item may have left the module without power. If it stays off, the next item finds out.
                 let _ = lease.call(&ModulePower { on: 1 }).await;
             }
         }
@@ -107,7 +107,7 @@ impl Run<'_> {
         }
     }
 
-    /// What the items that have ended found, in the order of the plan.
+    /// Findings of the items that have ended, in the order of the plan.
     pub(super) fn earlier(&self) -> Vec<(String, Findings)> {
         let findings = self.findings.borrow();
         let ended = self.journal.look(|state| {
@@ -122,7 +122,7 @@ impl Run<'_> {
     }
 }
 
-/// A simulated bench runs as the host's clock does only at true speed.
+/// A simulated bench runs at the pace of the host's clock only at true speed.
 fn host_clock(bench: &gnc_executive::event::BenchInfo) -> HostClock {
     match bench.speed.as_deref() {
         None => Ok(()),
@@ -131,13 +131,13 @@ fn host_clock(bench: &gnc_executive::event::BenchInfo) -> HostClock {
     }
 }
 
-/// Ends when the board's clock has gone on by so much since its next heartbeat. The last one says nothing of now: at full
-/// speed the simulated board has gone on by many minutes since.
+/// Ends when the board's clock has gone on by this time since its next heartbeat. The last heartbeat does not tell the
+/// present board time: at full speed the simulated board has gone on by many minutes since.
 async fn board_time_up(mut board_time: Follower<BoardTime>, limit_s: f64) {
     let mut began_us = None;
     loop {
         let Some(now) = board_time.changed().await else {
-            // The conversation has ended; the procedure hears of it by itself.
+            // The conversation has ended; the procedure notices it by itself.
             return std::future::pending().await;
         };
         if now.beats == 0 {

@@ -1,4 +1,4 @@
-//! The board's session: found, its module switched on, and made safe at the end.
+//! The session with the board: the runner finds the board, switches the module on, and makes both safe at the end.
 
 use std::time::Duration;
 
@@ -18,10 +18,10 @@ use tokio::time::timeout;
 use super::Run;
 use crate::procedure::ProcedureError;
 
-/// Longest wait for the board to make itself safe over a live link; a board that does not answer has its watchdog.
+/// Longest wait for the board to make itself safe over a live link. If the board does not answer, its watchdog acts.
 pub(super) const SAFE_WITHIN: Duration = Duration::from_millis(250);
 
-/// Why there is no board to work with.
+/// Why the runner cannot work with a board.
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
     #[error(transparent)]
@@ -48,7 +48,7 @@ pub(super) async fn connect(
     Ok(BoardClient::connect(link, nonce, readings.clone()).await?)
 }
 
-/// Another number each time, so that a board never takes a new session for the old one.
+/// A random number each time, so that a board never takes a new session for the old one.
 pub(super) fn by_chance() -> u32 {
     let now = Utc::now();
     now.timestamp().cast_unsigned() as u32 ^ now.timestamp_subsec_nanos().rotate_left(2) ^ std::process::id() << 16
@@ -59,7 +59,7 @@ fn told(error: &(dyn std::error::Error + 'static), try_this: &str) -> String {
     format!("{}; {try_this}", with_causes(error))
 }
 
-/// The calibration that the module keeps. A board that knows of none, or cannot say, is no worse for it.
+/// The calibration that the module stores. A board without one, or one that cannot tell, is not at fault.
 async fn calibration(lease: &BoardLease<'_>) -> Option<String> {
     let reply = lease.call(&CalibrationRead {}).await.ok()?;
     let state = CalibrationState::from_number(reply.state)?;
@@ -135,8 +135,8 @@ impl Run<'_> {
         }
     }
 
-    /// Whether the module that said who it is in an earlier session of the run still lies in the socket. A module that does not
-    /// answer is left to the items.
+    /// Checks that the module of an earlier session of the run is still in the socket. If the module does not answer, the items
+    /// find that.
     async fn is_same(&self, lease: &BoardLease<'_>) -> Result<(), ProcedureError> {
         if !self.module.is_known() {
             return Ok(());
@@ -147,14 +147,14 @@ impl Run<'_> {
         }
     }
 
-    /// Whether board and module are those of the run that is taken up again.
+    /// Checks that board and module are those of the run that is taken up again.
     fn takes_up(&self, power: &Power) -> Result<(), ResumeError> {
         let Some(resumed) = &self.order.resumed else { return Ok(()) };
         let firmware = self.journal.look(|state| state.board().map(|board| board.firmware.clone()));
         resumed.fits(firmware.as_deref(), power.calibration.as_deref())
     }
 
-    /// Module off, streams stopped, lines released.
+    /// Switches the module off, stops streams, releases lines.
     pub(super) async fn make_safe(&self, board: BoardClient) -> Result<(), StoreError> {
         let safe = if self.link_lost.get() {
             Ok(Err(BoardError::Gone { reason: "the link was lost".into() }))

@@ -1,4 +1,4 @@
-//! What the board itself wrote down about a fault.
+//! Error records: what the board itself noted about a fault.
 
 use gnc_board::BoardClient;
 use gnc_executive::event::{ErrorRecord as RecordEvent, EventKind, NoteLevel};
@@ -12,7 +12,7 @@ use super::{Landed, Run};
 const MAX_RECORDS: usize = 64;
 
 impl Run<'_> {
-    /// Files what the board found wrong during an attempt. That it cannot be read is worth a line, not a verdict.
+    /// Files what the board found wrong during an attempt. A failure to read it gives a line in the log, not a verdict.
     pub(super) async fn file_error_records(&self, board: &BoardClient, landed: &Landed) -> Result<(), StoreError> {
         let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
         for _ in 0..MAX_RECORDS {

@@ -1,4 +1,4 @@
-//! Watching raw values without a run: no plan, no verdict, no record.
+//! Shows raw values without a run: without a plan, a verdict or a record.
 
 use std::time::Duration;
 
@@ -13,20 +13,20 @@ use tokio::time::{interval, timeout};
 use super::connection::{ConnectError, SAFE_WITHIN, by_chance, connect};
 use crate::control::RunControl;
 
-/// Samples a second of the IMU: what an eye can follow, and a slow line carries.
+/// Samples a second of the IMU: an eye can follow them, and a slow line can carry them.
 const IMU_RATE_HZ: u16 = 50;
-/// Between two readings of the AD channels.
+/// Time between two readings of the AD channels.
 const AD_EVERY: Duration = Duration::from_millis(500);
 /// Samples of each AD channel.
 const AD_SAMPLES: u16 = 16;
 
-/// Why there is nothing to watch.
+/// Why raw values cannot be shown.
 #[derive(Debug, thiserror::Error)]
 pub enum LookError {
     /// No board was found.
     #[error(transparent)]
     Connect(#[from] ConnectError),
-    /// It did not do what it was asked.
+    /// The board refused or failed a request.
     #[error(transparent)]
     Board(#[from] BoardError),
 }
@@ -42,7 +42,7 @@ impl LookError {
     }
 }
 
-/// Switches the module on and shows its raw values until somebody asks for a stop; then the module is off again.
+/// Switches the module on and shows its raw values until a stop is asked for; then switches the module off.
 ///
 /// # Errors
 /// [`LookError`]: the board is not there, or went away.
@@ -64,7 +64,7 @@ pub async fn look(target: &Target, control: &RunControl, readings: &watch::Sende
     Ok(looked?)
 }
 
-/// Never ends by itself, unless the board does.
+/// Ends only with an error of the board.
 async fn show(lease: &BoardLease<'_>) -> Result<(), BoardError> {
     lease.call(&ModulePower { on: 1 }).await?;
     let mut imu = lease.listen(StreamId::Imu).await?;
@@ -72,7 +72,7 @@ async fn show(lease: &BoardLease<'_>) -> Result<(), BoardError> {
     let mut pulses = lease.listen(StreamId::Pps).await?;
     let mut compensated = lease.listen(StreamId::Compensated).await?;
     lease.call(&GnssRestart { start: GnssStart::Hot as u8 }).await?;
-    // One sample a frame, so that the screen is not behind.
+    // One sample a frame, so that the screen is not late.
     let streams = [(StreamId::Imu, IMU_RATE_HZ, 1), (StreamId::Gnss, 0, 0), (StreamId::Pps, 0, 0)];
     for (stream, rate_hz, samples_per_frame) in streams {
         lease.call(&StreamStart { stream: stream as u8, rate_hz, count: 0, samples_per_frame }).await?;
@@ -80,7 +80,7 @@ async fn show(lease: &BoardLease<'_>) -> Result<(), BoardError> {
     compensate(lease).await?;
     let mut ad_due = interval(AD_EVERY);
     loop {
-        // What comes is shown on its way here.
+        // Values are shown on their way here.
         tokio::select! {
             frame = imu.next() => drop(frame?),
             frame = gnss.next() => drop(frame?),
@@ -91,8 +91,8 @@ async fn show(lease: &BoardLease<'_>) -> Result<(), BoardError> {
     }
 }
 
-/// Asks for compensated samples too. A module that was never calibrated has none, and a slow line no room for them: then
-/// they are not shown.
+/// Asks for compensated samples too. A module that was never calibrated has none, and a slow line has no room for them:
+/// then they are not shown.
 async fn compensate(lease: &BoardLease<'_>) -> Result<(), BoardError> {
     let started = async {
         if lease.call(&CalibrationRead {}).await?.state == CalibrationState::Valid as u8 {
@@ -107,7 +107,7 @@ async fn compensate(lease: &BoardLease<'_>) -> Result<(), BoardError> {
     }
 }
 
-/// A board that does not answer has its watchdog.
+/// Makes the board safe. If it does not answer, its watchdog acts.
 async fn make_safe(lease: &BoardLease<'_>) {
     let _ = timeout(SAFE_WITHIN, lease.call(&MakeSafe {})).await;
 }

@@ -1,4 +1,4 @@
-//! After a session was lost: whose fault it was, what runs again, and a new session.
+//! Handles a lost session: finds the cause, decides what runs again, and begins a new session.
 
 use futures_util::future::FutureExt as _;
 use futures_util::stream::StreamExt as _;
@@ -14,8 +14,8 @@ use super::{End, Flight, Landed, Run};
 use crate::procedure::ProcedureError;
 
 impl Run<'_> {
-    /// The session is gone, and with it the work of all items in flight. Whose fault was it? The item whose request
-    /// was in flight when the board restarted; the others run again. If that is not one alone, all run again, one
+    /// The session is gone, and with it the work of all items in flight. The culprit is the item whose request was in
+    /// flight when the board restarted; the others run again. If there is not exactly one such item, all run again, one
     /// by one, so that the culprit shows.
     pub(super) async fn lost_session<'b>(
         &'b self,
@@ -38,7 +38,7 @@ impl Run<'_> {
         let culprit = match (any_restart, suspects.as_slice()) {
             (true, [one]) => Some(*one),
             (true, _) => None,
-            // Without a restart the first to notice speaks for the line.
+            // Without a restart, the first item that noticed the loss reports the fault of the line.
             (false, _) => ended.first().map(|landed| landed.position),
         };
         let absence = ended.iter().find_map(absence);
@@ -64,7 +64,7 @@ impl Run<'_> {
                     continue;
                 }
             };
-            // What came to its own end in the same moment has its own verdict.
+            // An attempt that ended by itself in the same moment has its own verdict.
             let own = trouble.is_none_or(session_lives) || Some(landed.position) == culprit;
             if own {
                 let (outcome, error) = judge(item, &landed.measured, trouble);
@@ -83,13 +83,13 @@ impl Run<'_> {
         self.recover(board, name.filter(|_| any_restart), absence.is_some()).await
     }
 
-    /// Says that the port or interface was away.
+    /// Files that the port or interface was away.
     pub(super) async fn was_away(&self, absent: &LinkAbsence) -> Result<(), StoreError> {
         let text = format!("{} went away; back after {:.1} s", absent.name, absent.lasted.as_secs_f64());
         self.note(NoteLevel::Warning, text, None).await
     }
 
-    /// Says so of all absences that nobody was told of yet.
+    /// Files all absences that were not filed yet.
     pub(super) async fn tell_absences(&self, board: &BoardClient) -> Result<(), StoreError> {
         while let Some(Some(absent)) = board.absence().now_or_never() {
             self.was_away(&absent).await?;
@@ -97,7 +97,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Attempts that were in flight and had not noticed yet.
+    /// Ends attempts that were in flight and did not notice the loss yet.
     async fn end_spoilt_items(&self, text: Option<&str>) -> Result<(), StoreError> {
         let running: Vec<(String, u32)> = self.journal.look(|state| {
             let rows = state.rows().iter().filter(|row| row.running().is_some());
@@ -110,8 +110,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// After a lost session nobody knows what the board still does: a new one makes it safe and starts clean.
-    /// A board that restarted while its port was away did so with it, and needs no other culprit.
+    /// Begins a new session. After a lost session the state of the board is unknown: a new session makes it safe and
+    /// starts clean. A board that restarted while its port was away restarted with it, so there is no other culprit.
     async fn recover(&self, board: &BoardClient, culprit: Option<String>, absence: bool) -> Result<(), StoreError> {
         let before = board.hello().boot_id;
         let reopened = tokio::select! {
@@ -131,7 +131,8 @@ impl Run<'_> {
             Ok(Ok(boot_id)) => {
                 if boot_id != before {
                     if culprit.is_none() && !absence {
-                        // Also where the line hid it: whose request it was will not be known, unless it happens again.
+                        // Also if the line hid the restart: the request that caused it stays unknown, unless it happens
+                        // again.
                         self.unexplained_restart.set(true);
                         self.one_by_one.set(true);
                     }
@@ -139,7 +140,7 @@ impl Run<'_> {
                     self.journal.emit(EventKind::BoardRebooted { item, boot_id }).await?;
                 }
                 if self.control.asked().times > 0 {
-                    // Nobody wants the module to be switched on again.
+                    // After a stop the module must not be switched on again.
                     return Ok(());
                 }
                 let on = self.power_on(board, culprit.as_deref()).await?;
@@ -175,7 +176,7 @@ pub(super) fn session_lives(trouble: &ProcedureError) -> bool {
     )
 }
 
-/// What stands at an attempt that the trouble of another one ended.
+/// The error of an attempt that the trouble of another one ended.
 pub(super) fn spoilt(text: Option<&str>) -> AttemptError {
     let text = format!("ended by the trouble of another item: {}", text.unwrap_or_default());
     AttemptError { text, hint: "it is run again".into(), again: true }

@@ -11,7 +11,9 @@ use gnc_text::with_causes;
 
 use crate::procedure::ProcedureError;
 
-/// A restart, a device that does not work and a sensor at the end of its range are the module's; everything else leaves the station unable to tell.
+/// Judges an attempt. A restart, a device that does not work and a sensor at the end of its range are faults of the
+/// module, and so is a limit that was violated before the trouble came. After losses on the line and all other trouble
+/// the station cannot tell.
 pub(super) fn judge(
     item: &PlanItem,
     measured: &[Measurement],
@@ -28,12 +30,12 @@ pub(super) fn judge(
         return (outcome, error);
     };
     let outcome = match trouble {
-        // What the line lost is in the counts, and says nothing of the module.
+        // The counts include what the line lost, so they say nothing about the module.
         ProcedureError::FramesLost { .. }
         | ProcedureError::TestIdsShared { .. }
         | ProcedureError::SamplesLost { .. }
         | ProcedureError::CaptureLost { .. } => Outcome::Errored,
-        // A limit was violated before the trouble came; that stands.
+        // A limit was violated before the trouble; that verdict stands.
         _ if violates(measured) => Outcome::Failed,
         ProcedureError::Board(BoardError::Restarted { .. }) => Outcome::Failed,
         ProcedureError::Board(BoardError::Fault {

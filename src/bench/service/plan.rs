@@ -1,4 +1,4 @@
-//! A plan as it was checked.
+//! A checked plan.
 
 use std::sync::Arc;
 
@@ -8,8 +8,8 @@ use gnc_executive::event::PlanInfo;
 use gnc_executive::plan::Plan;
 use gnc_records::store::digest;
 
-/// A plan without mistakes, with the texts that were checked and their digest. Nothing changes it, so what was shown is
-/// what runs and what the record files.
+/// A plan without mistakes, with the texts that were checked and their digest. It cannot change, so the plan that was
+/// shown is the plan that runs and the plan in the record.
 #[derive(Debug, Clone)]
 pub struct CheckedPlan {
     plan: Arc<Plan>,
@@ -17,7 +17,7 @@ pub struct CheckedPlan {
 }
 
 impl CheckedPlan {
-    /// Checks what the items do with the module, which the plan's own reader does not know.
+    /// Checks what the items do with the module; the plan's own reader does not check that.
     ///
     /// # Errors
     /// All mistakes.

@@ -8,7 +8,7 @@ use gnc_rig::{DriverError, Orientation, Rig};
 use super::{Turntable, TurntableMotion};
 use crate::fixture::FixtureError;
 
-/// A handle on the driver.
+/// A handle to the driver.
 pub(super) struct Driven {
     rig: Arc<dyn Rig>,
 }
@@ -18,7 +18,7 @@ impl Driven {
         Self { rig }
     }
 
-    /// Begins a motion, and waits beside the conversation with the board until it is over.
+    /// Begins a motion and waits until it is over; the conversation with the board goes on meanwhile.
     fn moved<'a>(
         &'a self,
         what: &'static str,
@@ -29,7 +29,7 @@ impl Driven {
             begin(self.rig.as_ref()).map_err(|source| FixtureError::Table { what, source })?;
             let rig = Arc::clone(&self.rig);
             let waited = tokio::task::spawn_blocking(move || wait(rig.as_ref())).await;
-            // A driver that panics has not moved the table.
+            // If a driver panics, the table has not moved.
             let waited = waited.unwrap_or_else(|broken| Err(broken.into()));
             waited.map_err(|source| FixtureError::Table { what, source })
         })
@@ -39,7 +39,7 @@ impl Driven {
 impl Turntable for Driven {
     fn lay(&self, orientation: Orientation) -> TurntableMotion<'_> {
         Box::pin(async move {
-            // What was stopped before, by whomever, comes to rest first.
+            // A table that was stopped before comes to rest first.
             self.moved("wait for the table to stand still", |_| Ok(()), |rig| rig.wait_still()).await?;
             self.moved("lay the module down", move |rig| rig.orient(orientation), |rig| rig.wait_still()).await
         })

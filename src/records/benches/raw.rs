@@ -1,4 +1,4 @@
-//! What raw captures cost: samples a second written and read on one core, and bytes on disk.
+//! Measures the cost of raw captures: samples a second written and read on one core, and bytes on disk.
 //!
 //! `cargo bench -p gnc-records --bench raw`; the bounds are 250,000 samples/s written and 50 MB a million.
 
@@ -14,7 +14,8 @@ const SAMPLES: u32 = 1_000_000;
 const FRAME: u32 = 12;
 
 fn main() {
-    // Noise of a part: 0.03 deg/s, 1 mg and 2 milligauss at 200 Hz, in counts, as sums of four even ones.
+    // Noise of a part: 0.03 deg/s, 1 mg and 2 milligauss at 200 Hz, in counts. Each value is a sum of four uniform
+    // ones.
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut noise = |deviation: f64| {
         let mut sum = 0.0;

@@ -19,7 +19,7 @@ use super::{
     Alignment, Conditions, Gyro, Origin, Passport, PassportAccel, PassportBudget, PassportUncertainty, TempCoeff,
 };
 
-/// A passport needs all of them.
+/// The items that a passport needs.
 const NEEDED: [ItemId; 3] = [ItemId::SixPosition, ItemId::GyroStill, ItemId::Rotation];
 /// The parts of a calibration, in the order in which their budgets are listed.
 const PARTS: [fn(&ModuleCalibration) -> bool; 4] = [
@@ -32,7 +32,7 @@ const PARTS: [fn(&ModuleCalibration) -> bool; 4] = [
 /// Why a run has no passport.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NoPassport {
-    /// The plan is not one of calibration.
+    /// The plan is not a calibration plan.
     #[error("the plan calibrates nothing")]
     NoCalibration,
     /// A part of the calibration is not in the plan.
@@ -41,22 +41,22 @@ pub enum NoPassport {
         /// The item.
         item: ItemId,
     },
-    /// The run has no end.
+    /// The run has no end event.
     #[error("the run was interrupted")]
     Interrupted,
     /// Some items were left out.
     #[error("only chosen items of the plan were run")]
     Selection,
-    /// A passport says that the module may be used.
+    /// The run did not pass. A passport says that the module may be used.
     #[error("the run {outcome}")]
     Outcome {
-        /// How it ended.
+        /// How the run ended.
         outcome: Outcome,
     },
-    /// What an item found is missing or cannot be used.
+    /// Findings of an item are missing or unusable.
     #[error(transparent)]
     Figures(#[from] FigureError),
-    /// A number that must be there is none.
+    /// A required value is not a number.
     #[error("{key} is not a number")]
     NotANumber {
         /// Its key.
@@ -64,8 +64,8 @@ pub enum NoPassport {
     },
 }
 
-/// The passport of a run. It is earned by a run of the whole plan that calibrated accelerometers and gyroscopes, came to
-/// its end, and was passed or marginal. `record_sha256` is that of [`Origin`].
+/// The passport of a run. The run must cover the whole plan, calibrate accelerometers and gyroscopes, come to its end,
+/// and be passed or marginal. `record_sha256` is that of [`Origin`].
 ///
 /// # Errors
 /// [`NoPassport`] says why the run has none.
@@ -90,7 +90,7 @@ pub fn of_run(record: &RunRecord, record_sha256: &str) -> Result<Passport, NoPas
     of(&record.serial_number, supply_v(record), origin(record, record_sha256), &found)
 }
 
-/// What counts of an item: the last round of its last attempt.
+/// The findings that count for an item: those of the last round of its last attempt.
 fn findings(item: &ItemRecord) -> Option<(String, Findings)> {
     let attempt = item.last_attempt().filter(|_| item.outcome.is_good())?;
     let round = attempt.measurements.iter().filter_map(|measurement| measurement.repeat).max();
@@ -124,13 +124,13 @@ fn origin(record: &RunRecord, record_sha256: &str) -> Origin {
     }
 }
 
-/// A text from outside as both forms of the passport can hold it: XML has no control characters.
+/// A text from outside in a form that both files of the passport can hold: XML has no control characters.
 pub(super) fn plain(text: &str) -> String {
     let harmless = |character: char| !character.is_control() && !matches!(character, '\u{fffe}' | '\u{ffff}');
     text.chars().map(|character| if harmless(character) { character } else { char::REPLACEMENT_CHARACTER }).collect()
 }
 
-/// From what the items of a run found, oldest first.
+/// Makes the passport from what the items of a run found, oldest first.
 pub(super) fn of(
     device_id: &str,
     supply_v: Option<f64>,
@@ -195,7 +195,7 @@ fn gyroscopes(response: &[[f64; 3]; 3], still: &Findings, found: &[(String, Find
     }
 }
 
-/// JSON writes a number that is none as null: nothing that must be there may be one.
+/// Refuses a passport that lacks a required number: JSON writes NaN and infinity as null.
 fn check(passport: Passport) -> Result<Passport, NoPassport> {
     let Passport { accel, gyro, alignment, uncertainty, .. } = &passport;
     let rows = |matrix: &[[f64; 3]; 3]| matrix.as_flattened().to_vec();
@@ -223,7 +223,7 @@ fn newest(found: &[(String, Findings)], has: impl Fn(&ModuleCalibration) -> bool
     found.iter().rev().find(|(_, findings)| CALIBRATION.of(&findings.details).is_some_and(|known| has(&known)))
 }
 
-/// A number in a unit; NaN where there is none.
+/// A number in a unit; NaN if there is none.
 fn number(findings: &Findings, name: &str, unit: Unit) -> f64 {
     match findings.value(name) {
         Some(Value::Number(quantity) | Value::Estimate(quantity, _)) => quantity.in_unit(unit).unwrap_or(f64::NAN),
@@ -235,7 +235,7 @@ fn each(findings: &Findings, prefix: &str, unit: Unit) -> [f64; 3] {
     AXES.map(|axis| number(findings, &format!("{prefix}{axis}"), unit))
 }
 
-/// The newest of each axis; `None` unless all three were found.
+/// The newest value of each axis; `None` unless all three were found.
 fn axes(found: &[(String, Findings)], prefix: &str, unit: Unit) -> Option<[f64; 3]> {
     let mut figures = found.iter().rev().map(|(_, findings)| each(findings, prefix, unit));
     let figures = figures.find(|figures| figures.iter().any(|figure| figure.is_finite()))?;
@@ -247,7 +247,7 @@ fn worst(found: &[(String, Findings)], prefix: &str, unit: Unit) -> Option<f64> 
     axes(found, prefix, unit).map(|figures| figures.into_iter().fold(0.0, f64::max))
 }
 
-/// From the means of the items that calibrated and their drifts.
+/// Lowest and highest temperature, from the means of the calibrating items and their drifts.
 fn temperatures(found: &[(String, Findings)]) -> Option<[f64; 2]> {
     let calibrating = found.iter().filter(|(_, findings)| CALIBRATION.of(&findings.details).is_some());
     let spans = calibrating.filter_map(|(_, findings)| {
@@ -262,7 +262,7 @@ fn temperatures(found: &[(String, Findings)]) -> Option<[f64; 2]> {
     })
 }
 
-/// Both with the larger of their coverage factors.
+/// Expanded uncertainties of both kinds of sensors, with the larger of their coverage factors.
 fn uncertainty(six: &Findings, still: &Findings, budget: Vec<PassportBudget>) -> PassportUncertainty {
     let of = |findings: &Findings, unit: Unit| {
         let known = AXES.iter().filter_map(|axis| match findings.value(&format!("bias_{axis}")) {
@@ -279,11 +279,11 @@ fn uncertainty(six: &Findings, still: &Findings, budget: Vec<PassportBudget>) ->
     PassportUncertainty { k, accel_mg: k * accel, gyro_dps: k * gyro, budget }
 }
 
-/// Those of all parts of the calibration.
+/// The budgets of all parts of the calibration.
 fn budgets(found: &[(String, Findings)]) -> Vec<PassportBudget> {
     let of_part = |(item, findings): &(String, Findings)| {
         let written = findings.details.get(BUDGET.key()).and_then(serde_json::Value::as_object);
-        // One that is not whole, since a number in it is none, is no reason to drop the others.
+        // A budget that is damaged by a missing number does not remove the others.
         let budgets = written.into_iter().flatten().filter_map(|(figure, written)| {
             let details::BudgetDetails { unit, u, dof, k, expanded, probability, contributions, .. } =
                 details::BudgetDetails::deserialize(written).ok()?;

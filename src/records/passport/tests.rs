@@ -17,7 +17,7 @@ fn estimate(value: f64, unit: Unit, u: f64, k: f64) -> Value {
 
 /// Findings as the items make them, with round numbers.
 fn found() -> Vec<(String, Findings)> {
-    // 160,000 counts for a g and 20,000 for one deg/s are nominal: a tenth of a percent more on the first axis.
+    // 160,000 counts for a g and 20,000 for one deg/s are nominal. The first axis has a tenth of a percent more.
     let accel = |factor: f64| 9.80665 / 160_000.0 / factor;
     let gyro = |factor: f64| 20_000.0 * 180.0 / std::f64::consts::PI * factor;
     let findings = |details: serde_json::Value, measured: Vec<(&str, Value)>| Findings {
@@ -113,7 +113,7 @@ fn the_published_keys_hold_what_was_found() {
     near("/accel/VRW_mps2_per_sqrtHz", 0.001);
     near("/gyro/M_g/0/0", 1.001);
     near("/gyro/b_g_dps/0", 0.08);
-    // Signed, the largest of each row: -72 deg/h/g are -0.02 deg/s/g.
+    // The largest of each row, with its sign: -72 deg/h/g are -0.02 deg/s/g.
     near("/gyro/K_g_dps_per_g/0", -0.02);
     near("/gyro/K_g_dps_per_g/2", -0.01);
     near("/gyro/K_g_full_dps_per_g/0/0", 0.01);
@@ -133,7 +133,7 @@ fn the_published_keys_hold_what_was_found() {
     assert_eq!(back.device_id, "SN-1");
 }
 
-/// The schema names exactly the keys that are written, everywhere.
+/// The schema names exactly the keys that are written, at every level.
 #[test]
 fn the_schema_has_the_same_keys() {
     fn compare(schema: &serde_json::Value, written: &serde_json::Value, place: &str) {
@@ -171,7 +171,7 @@ fn what_is_missing_is_named() {
     }
 }
 
-/// As an item writes it.
+/// A budget as an item writes it.
 fn budget() -> serde_json::Value {
     json!({ "bias_x": {
         "unit": "mg", "u": 0.03, "dof": 33.1, "k": 2.03, "U": 0.061, "probability": 0.95,
@@ -188,7 +188,7 @@ fn budget() -> serde_json::Value {
 fn the_budget_of_the_calibration_is_in_it() {
     let mut all = found();
     all[0].1.details["budget"] = budget();
-    // Another item's budget is no part of the calibration.
+    // The budget of another item does not belong to the calibration.
     all[3].1.details["budget"] = budget();
     let passport = of("SN-1", None, Origin::default(), &all).unwrap();
     let [PassportBudget { item, figure, k, dof, expanded, contributions, .. }] = &passport.uncertainty.budget[..]
@@ -202,7 +202,7 @@ fn the_budget_of_the_calibration_is_in_it() {
     assert_eq!((contributions.len(), contributions[1].dof), (2, None));
 }
 
-/// A number that is none would be written as null where a reader counts on a number.
+/// NaN would be written as null where a reader expects a number.
 #[test]
 fn a_passport_without_a_number_is_none() {
     let mut all = found();
@@ -268,7 +268,7 @@ fn read_back(text: &str, like: &serde_json::Value) -> serde_json::Value {
     value(&open.pop().unwrap().children[0], like)
 }
 
-/// Both files say the same, to the last bit, whatever the texts hold.
+/// Both files have the same content to the last bit, for any texts.
 #[test]
 fn xml_says_what_json_says() {
     let mut all = found();
@@ -290,7 +290,7 @@ fn xml_says_what_json_says() {
     }
 }
 
-/// The schema of the XML names the keys of the one of the JSON, no more and no fewer, and what may be null.
+/// The XML schema names the same keys as the JSON schema, and the same keys may be null.
 #[test]
 fn both_schemas_name_the_same_keys() {
     fn keys(schema: &serde_json::Value, found: &mut Vec<(String, bool)>) {

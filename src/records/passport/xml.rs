@@ -1,7 +1,7 @@
 //! The passport as XML: the same keys and the same numbers as in JSON. Its form is `docs/passport.xsd`.
 //!
-//! An object is an element with one element for each key; a list of numbers is a list of words; a list of lists has a
-//! `row` for each, a list of objects an `entry` for each; null is an empty element with `xsi:nil`.
+//! An object is an element with one child element for each key. A list of numbers is a list of words, a list of lists
+//! has a `row` for each list, a list of objects an `entry` for each object. Null is an empty element with `xsi:nil`.
 
 use std::io;
 
@@ -18,10 +18,10 @@ const INSTANCE: (&str, &str) = ("xmlns:xsi", "http://www.w3.org/2001/XMLSchema-i
 /// Why a passport cannot be written as XML: a mistake in this program.
 #[derive(Debug, thiserror::Error)]
 pub enum XmlError {
-    /// It cannot be turned into keys and values.
+    /// The passport cannot be turned into keys and values.
     #[error("the passport cannot be written as JSON")]
     Json(#[from] serde_json::Error),
-    /// It cannot be written into memory.
+    /// The XML cannot be written into memory.
     #[error("the passport cannot be written as XML")]
     Write(#[from] io::Error),
 }

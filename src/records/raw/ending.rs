@@ -1,9 +1,9 @@
-//! The end that a file lacks where the station was killed. Readers of others look for it first, since the summary before
-//! it says where everything is.
+//! Writes the end of a file that lacks one because the station was killed. Other readers look for the end first, since
+//! the summary before it tells where everything is.
 //!
-//! What stands stays byte for byte, up to the last whole record. Behind it come the indexes of the last chunk if they
-//! are missing, a metadata record that says what happened ([`CutOff`]), the summary and the footer
-//! (MCAP 0, <https://mcap.dev/spec>). What is cut off is a record in pieces, or pieces of a summary.
+//! The file stays byte for byte, up to the last complete record. Behind it come the indexes of the last chunk if they
+//! are missing, a metadata record that says what happened ([`CutOff`]), the summary and the footer (MCAP 0,
+//! <https://mcap.dev/spec>). Only an incomplete record or parts of a summary are cut off.
 
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
@@ -21,7 +21,7 @@ use super::RawError;
 use super::reader::{Unread, each_in_chunk, each_record, parsed};
 use super::writer::RawWriter;
 
-/// Bytes before the data of a record: what it is, and its length.
+/// Bytes before the data of a record: its kind and its length.
 const RECORD_HEAD: u64 = 9;
 /// Bytes of a footer's data.
 const FOOTER: u64 = 20;
@@ -31,12 +31,12 @@ static CRC_32: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC
 
 type Sum = crc::Digest<'static, u32, Table<16>>;
 
-/// What a file was before its end was written later; a metadata record in it says so.
+/// The state of a file before its end was written later. A metadata record in the file holds it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct CutOff {
-    /// Its length, with what was cut off.
+    /// The original length, with the bytes that were cut off.
     pub(crate) original_bytes: u64,
-    /// Its SHA-256, with what was cut off.
+    /// The original SHA-256, with the bytes that were cut off.
     pub(crate) original_sha256: String,
 }
 
@@ -57,28 +57,28 @@ impl CutOff {
     }
 }
 
-/// What a file without an end holds up to its last whole record.
+/// The content of a file without an end, up to its last complete record.
 pub(crate) struct Survey {
-    /// Behind the last record that was read.
+    /// The place behind the last record that was read.
     here: Place,
-    /// Behind the last record that stays.
+    /// The place behind the last record that stays.
     kept: Place,
-    /// Schemas and channels as records hold them, by their numbers.
+    /// Schemas and channels as in their records, by their numbers.
     schemas: BTreeMap<u16, Vec<u8>>,
     channels: BTreeMap<u16, Vec<u8>>,
-    /// Messages of each channel.
+    /// Number of messages of each channel.
     counts: BTreeMap<u16, u64>,
     /// Log times of the earliest and the latest message.
     bounds: Option<(u64, u64)>,
     chunks: Vec<ChunkIndex>,
-    /// The messages of the last chunk, by channel, until all of its indexes were read.
+    /// The messages of the last chunk, by channel, until all of its indexes are read.
     unindexed: BTreeMap<u16, Vec<MessageIndexEntry>>,
-    /// Where the indexes of the last chunk are that were read.
+    /// Places of the indexes of the last chunk that were read.
     indexes: BTreeMap<u16, u64>,
     past_data: bool,
 }
 
-/// A place in the file, and the checksum of all that stands before it.
+/// A place in the file, and the checksum of all bytes before it.
 #[derive(Clone)]
 struct Place {
     bytes: u64,
@@ -106,10 +106,10 @@ impl std::fmt::Debug for Survey {
 }
 
 impl Survey {
-    /// Looks through a file; `None` if it has an end.
+    /// Surveys a file; `None` if the file has an end.
     ///
     /// # Errors
-    /// [`RawError`]: it cannot be read, or it is not merely cut off but damaged.
+    /// [`RawError`]: the file cannot be read, or it is damaged and not only cut off.
     pub(crate) fn of(source: impl Read) -> Result<Option<Self>, RawError> {
         let mut survey = Self {
             here: Place::start(),
@@ -128,7 +128,7 @@ impl Survey {
         let end = each_record(source, options, &mut 0, |opcode, data| survey.record(opcode, data));
         match end {
             Ok(()) => Ok(None),
-            // Without the channels there is no message either: such a file begins anew.
+            // A file without channels has no message either: such a file begins anew.
             Err(Unread::File(McapError::UnexpectedEof)) if survey.channels.is_empty() => {
                 survey.kept = Place::start();
                 Ok(Some(survey))
@@ -139,15 +139,15 @@ impl Survey {
         }
     }
 
-    /// Bytes from the beginning of the file that stay.
+    /// Number of bytes from the beginning of the file that stay.
     pub(crate) fn kept_bytes(&self) -> u64 {
         self.kept.bytes
     }
 
-    /// What belongs behind them.
+    /// The bytes that belong behind them.
     ///
     /// # Errors
-    /// A record that cannot be written.
+    /// A record cannot be written.
     pub(crate) fn end(mut self, was: &CutOff) -> McapResult<Vec<u8>> {
         if self.kept.bytes == 0 {
             return Self::whole_file(was);
@@ -168,7 +168,7 @@ impl Survey {
         let data_section_crc = out.at.sum.clone().finalize();
         out.put(op::DATA_END, &DataEnd { data_section_crc })?;
 
-        // The checksum of the summary begins with it.
+        // The checksum of the summary starts here.
         out.at.sum = CRC_32.digest();
         let summary_start = out.at.bytes;
         let (message_start_time, message_end_time) = self.bounds.unwrap_or_default();
@@ -198,7 +198,7 @@ impl Survey {
         Ok(out.bytes)
     }
 
-    /// A file in place of one that was cut off before it said what it holds.
+    /// A complete file in place of one that was cut off within its head.
     fn whole_file(was: &CutOff) -> McapResult<Vec<u8>> {
         let mut file = RawWriter::head()?;
         match Self::of(file.as_slice()) {
@@ -215,7 +215,7 @@ impl Survey {
         self.here.pass(&head(opcode, data));
         self.here.pass(data);
         if opcode == op::DATA_END {
-            // All that follows can be told from what stands before.
+            // All that follows can be derived from what stands before.
             self.past_data = true;
         }
         if self.past_data {
@@ -227,7 +227,7 @@ impl Survey {
                 let Record::MessageIndex(index) = self.parsed(opcode, data)? else { return Ok(()) };
                 return self.indexed(at, &index);
             }
-            // No record: the system had promised the place and not written it.
+            // A zero is not a record: the system reserved the place and did not write it.
             0 => return Err(self.damaged(McapError::UnexpectedEof)),
             _ => self.look_at(opcode, data, None)?,
         }
@@ -263,7 +263,7 @@ impl Survey {
         Ok(())
     }
 
-    /// A record, and its place among those of a chunk.
+    /// Examines a record; `offset` is its place among the records of a chunk.
     fn look_at(&mut self, opcode: u8, data: &[u8], offset: Option<u64>) -> Result<(), RawError> {
         match self.parsed(opcode, data)? {
             Record::Schema { header, .. } => {
@@ -287,7 +287,7 @@ impl Survey {
         Ok(())
     }
 
-    /// Keeps the indexes of a chunk as soon as all of them are there.
+    /// Keeps the indexes of a chunk as soon as all of them are read.
     fn indexed(&mut self, at: u64, index: &MessageIndex) -> Result<(), RawError> {
         let expected = self.unindexed.get(&index.channel_id).map_or(&[][..], Vec::as_slice);
         if index.records != expected {
@@ -314,14 +314,14 @@ impl Survey {
     }
 }
 
-/// What is put behind the bytes that stay.
+/// The bytes that are put behind the bytes that stay.
 struct Out {
     at: Place,
     bytes: Vec<u8>,
 }
 
 impl Out {
-    /// Puts a record, and says where it stands.
+    /// Puts a record, and returns its place.
     fn put<R>(&mut self, opcode: u8, record: &R) -> McapResult<u64>
     where
         R: for<'a> BinWrite<Args<'a> = ()>,
@@ -338,7 +338,7 @@ impl Out {
         Ok(at)
     }
 
-    /// Puts records of one kind, and says where they are.
+    /// Puts records of one kind, and returns their place.
     fn group<T>(
         &mut self,
         group_opcode: u8,
@@ -352,7 +352,7 @@ impl Out {
         Ok(SummaryOffset { group_opcode, group_start, group_length: self.at.bytes - group_start })
     }
 
-    /// The checksum of the summary is the last part of the footer, and covers the others.
+    /// Puts the footer. Its last part is the checksum of the summary, which covers the other parts.
     fn footer(&mut self, summary_start: u64, summary_offset_start: u64) {
         self.append(&[op::FOOTER]);
         self.append(&FOOTER.to_le_bytes());
@@ -369,7 +369,7 @@ impl Out {
     }
 }
 
-/// What stands before the data of a record.
+/// The bytes before the data of a record.
 fn head(opcode: u8, data: &[u8]) -> [u8; RECORD_HEAD as usize] {
     let mut head = [opcode; RECORD_HEAD as usize];
     head[1..].copy_from_slice(&(data.len() as u64).to_le_bytes());

@@ -6,12 +6,12 @@ use gnc_rig::Along;
 
 use super::proto::{Fields, next};
 
-/// A mark.
+/// A mark: the begin or the end of a capture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum RawMark {
-    /// What comes from here on is of this.
+    /// From here on, messages belong to this capture.
     Begin(CaptureHead),
-    /// Here it ends, so much is missing, and so the board's clock ran against the host's.
+    /// The capture ends here, with its losses and the board's clock against the host's.
     End(Losses, HostView),
 }
 
@@ -40,7 +40,7 @@ impl RawMark {
         }
     }
 
-    /// `None` if it is no such message.
+    /// `None` if the bytes are not such a message.
     pub(super) fn get(mut rest: &[u8]) -> Option<Self> {
         let mut flat = Flat::default();
         while let Some((field, value)) = next(&mut rest)? {

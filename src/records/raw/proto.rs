@@ -1,4 +1,5 @@
-//! As much of protobuf's wire format as flat messages need (protobuf.dev, "Encoding"): varints, fixed numbers, bytes.
+//! The part of protobuf's wire format that flat messages need (protobuf.dev, "Encoding"): varints, fixed numbers,
+//! bytes.
 
 /// Bytes of the longest varint: 64 bits in groups of seven.
 const LONGEST_VARINT: usize = 10;
@@ -101,7 +102,8 @@ impl<'a> Value<'a> {
     }
 }
 
-/// Takes fields from the beginning of a message: number and value. `Some(None)` at its end, `None` if it is no message.
+/// Takes a field from the beginning of a message: number and value. `Some(None)` at the end, `None` if it is not a
+/// message.
 pub(super) fn next<'a>(rest: &mut &'a [u8]) -> Option<Option<(u32, Value<'a>)>> {
     if rest.is_empty() {
         return Some(None);
@@ -121,7 +123,7 @@ pub(super) fn next<'a>(rest: &mut &'a [u8]) -> Option<Option<(u32, Value<'a>)>> 
 }
 
 fn take_varint(rest: &mut &[u8]) -> Option<u64> {
-    // Most are one byte long.
+    // Most varints are one byte long.
     let mut value = 0;
     for (index, byte) in rest.iter().take(LONGEST_VARINT).enumerate() {
         value |= u64::from(byte & 0x7f) << (7 * index);

@@ -1,4 +1,4 @@
-//! Reads captures back, bit for bit. A file is hostile: nothing in it is believed before it was checked.
+//! Reads captures back, bit for bit. A file may be hostile: everything in it is checked before it is used.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -17,62 +17,62 @@ use super::sample::{get_bytes, get_compensated, get_edge, get_sample};
 
 /// Longest record, packed or unpacked: the writer ends its chunks at 1 MiB, other programs at 4 MiB or so.
 const LONGEST_RECORD: usize = 64 << 20;
-/// Samples of one file: a day at 200 Hz has 17 million. More would only take memory.
+/// Bound on the samples of one file: a day at 200 Hz has 17 million. More would only take memory.
 const MOST_SAMPLES: usize = 32_000_000;
-/// Captures of one file: a table of 10,000 attitudes is more than anybody lays a module in.
+/// Bound on the captures of one file: no calibration uses 10,000 positions.
 const MOST_CAPTURES: usize = 10_000;
-/// Bytes of the receiver: a day of 1 kB a second.
+/// Bound on the bytes of the receiver: a day of 1 kB a second.
 const MOST_BYTES: usize = 100_000_000;
 
-/// What a file holds.
+/// The content of a file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RawRecord {
-    /// The captures that were begun and ended, in order.
+    /// The captures that have begun and ended, in order.
     pub captures: Vec<Capture>,
-    /// The one without an end: the station was killed, the capture given up, or the module moved.
+    /// The capture without an end: the station was killed, the capture given up, or the module moved.
     pub unfinished: Option<Unfinished>,
-    /// The file has no end, or one that was written later: the station was killed or lost its power. What stands before
-    /// is good.
+    /// The file has no end, or the end was written later: the station was killed or lost its power. The content before
+    /// the end is good.
     pub cut_off: bool,
 }
 
 /// A capture without an end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unfinished {
-    /// What it is of.
+    /// The head of the capture.
     pub about: CaptureHead,
-    /// Samples that were filed.
+    /// Number of samples that were filed.
     pub samples: usize,
 }
 
 /// Why a file is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum RawError {
-    /// It cannot be read at all.
+    /// The file cannot be read at all.
     #[error("it cannot be read")]
     Io(#[from] io::Error),
-    /// It is no MCAP file, or a damaged one.
+    /// The file is not an MCAP file, or is damaged.
     #[error("it is damaged {place}")]
     Damaged {
-        /// Where, in words.
+        /// The place, in words.
         place: String,
         /// What is wrong.
         source: McapError,
     },
-    /// A whole message, and not what it should be.
+    /// A message is complete but not what it should be.
     #[error("it is no record of this station: {what} {place}")]
     Foreign {
         /// What is wrong.
         what: String,
-        /// Where, in words.
+        /// The place, in words.
         place: String,
     },
-    /// Longer than any.
+    /// The file exceeds a bound.
     #[error("it holds more than {most} {what}")]
     TooMuch {
         /// The bound.
         most: usize,
-        /// Of what.
+        /// What the bound counts.
         what: &'static str,
     },
 }
@@ -95,11 +95,11 @@ impl RawError {
 /// Reads all captures of a file.
 ///
 /// # Errors
-/// [`RawError`]. That a file has no end is no error.
+/// [`RawError`]. A file without an end is not an error.
 pub fn read(source: impl Read) -> Result<RawRecord, RawError> {
     let mut found = Found::default();
     let mut bytes = 0;
-    // Chunks come whole and are looked at before they are opened.
+    // Chunks come as a whole and are checked before they are opened.
     let options = LinearReaderOptions::default().with_emit_chunks(true);
     let end = each_record(source, options, &mut bytes, |opcode, data| match opcode {
         op::CHUNK => found.chunk(data),
@@ -107,21 +107,21 @@ pub fn read(source: impl Read) -> Result<RawRecord, RawError> {
     });
     match end {
         Ok(()) => found.close(false),
-        // Less than the eight bytes by which a file is known is no file of ours.
+        // A file that is shorter than its eight magic bytes is not a file of this station.
         Err(Unread::File(McapError::UnexpectedEof)) if bytes >= mcap::MAGIC.len() => found.close(true),
         Err(why) => Err(found.unread(why)),
     }
 }
 
-/// Why records were not read to their end.
+/// Why reading stopped before the end.
 pub(super) enum Unread {
-    /// One of them was refused, or the file cannot be read.
+    /// A record was refused, or the file cannot be read.
     Refused(RawError),
-    /// They are no MCAP.
+    /// The records are not MCAP.
     File(McapError),
 }
 
-/// Gives every record to `take`: what it is, and what it holds. `bytes` counts those that were read.
+/// Passes each record to `take`: its kind and its content. `bytes` counts the bytes that were read.
 pub(super) fn each_record(
     mut source: impl Read,
     options: LinearReaderOptions,
@@ -142,8 +142,8 @@ pub(super) fn each_record(
     Ok(())
 }
 
-/// A record, parsed. Attachments stay as they are: no file of ours has one, and the reader of MCAP stops the program at one that
-/// is cut short.
+/// Parses a record. Attachments stay as they are: no file of this station has one, and the MCAP reader panics at an
+/// attachment that is cut short.
 pub(super) fn parsed(opcode: u8, data: &[u8]) -> Result<Record<'_>, McapError> {
     match opcode {
         op::ATTACHMENT => Ok(Record::Unknown { opcode, data: Cow::Borrowed(data) }),
@@ -151,10 +151,11 @@ pub(super) fn parsed(opcode: u8, data: &[u8]) -> Result<Record<'_>, McapError> {
     }
 }
 
-/// Gives every record of a chunk to `take`, after a look at its checksum.
+/// Passes each record of a chunk to `take` after a check of the chunk's checksum.
 pub(super) fn each_in_chunk(chunk: &[u8], take: impl FnMut(u8, &[u8]) -> Result<(), RawError>) -> Result<(), Unread> {
     let opened = mcap::parse_record(op::CHUNK, chunk).map_err(Unread::File)?;
-    // The reader of MCAP would go on beyond the end of one that is not packed, and take what comes there for its own.
+    // The MCAP reader would read beyond the end of an uncompressed chunk and take the bytes there for part of the
+    // chunk.
     if let Record::Chunk { header, data } = opened
         && header.compression.is_empty()
         && !are_records(&data)
@@ -170,7 +171,7 @@ pub(super) fn each_in_chunk(chunk: &[u8], take: impl FnMut(u8, &[u8]) -> Result<
     each_record(head.chain(chunk), options, &mut 0, take)
 }
 
-/// Whether records fill these bytes to the last one.
+/// Whether these bytes consist of complete records only.
 fn are_records(mut rest: &[u8]) -> bool {
     while !rest.is_empty() {
         let length = rest.get(1..9).and_then(|length| Some(u64::from_le_bytes(*length.first_chunk()?)));
@@ -192,19 +193,19 @@ fn fill(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     }
 }
 
-/// What was found so far.
+/// The content that was found so far.
 #[derive(Debug, Default)]
 struct Found {
     captures: Vec<Capture>,
-    /// The capture that has begun.
+    /// The capture that has begun and not ended.
     open: Option<Capture>,
-    /// Topics by the numbers that this file gives them: as many as it likes, and as often.
+    /// Topics by the numbers that this file gives them. A file may define any number of them, and repeat them.
     channels: BTreeMap<u16, Topic>,
     samples: usize,
     bytes: usize,
-    /// What follows repeats what stands before.
+    /// Everything that follows repeats earlier content.
     past_data: bool,
-    /// Its end was written later.
+    /// The end of the file was written later.
     cut_off: bool,
 }
 
@@ -238,7 +239,7 @@ impl Found {
                         self.channels.entry(channel.id).or_insert(topic);
                     }
                     Some(_) => return Err(self.foreign(format!("{} is no protobuf", channel.topic))),
-                    // Later versions may have more to say.
+                    // Later versions may have more topics.
                     None => {}
                 }
             }
@@ -382,7 +383,7 @@ impl Found {
     }
 }
 
-/// Where in the file, as people can find it again.
+/// The place in the file, in words by which people find it again.
 fn place(captures: &[Capture], open: Option<&Capture>) -> String {
     match (open, captures.last()) {
         (Some(open), _) => format!(
@@ -401,7 +402,7 @@ mod tests {
 
     use super::*;
 
-    /// Each message looks its channel up: a list of all that a file tells made a small file take minutes.
+    /// Each message looks its channel up. With a list of all channels, a small file could take minutes.
     #[test]
     fn a_channel_that_is_told_again_is_kept_once() {
         let mut found = Found::default();
@@ -414,7 +415,7 @@ mod tests {
         assert_eq!(found.channels.into_iter().collect::<Vec<_>>(), [(7, Topic::Imu)]);
     }
 
-    /// An attachment of any length, whole or cut short, is passed over.
+    /// An attachment of any length, complete or cut short, is skipped.
     #[test]
     fn attachments_are_passed_over() {
         for length in 0..64 {

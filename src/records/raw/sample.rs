@@ -5,17 +5,17 @@ use gnc_protocol::stream::ImuSample;
 
 use super::proto::{Fields, Value, next};
 
-/// `gnc.ImuSample`. Its number and its board time are those of the message, so that they are not told twice.
+/// `gnc.ImuSample`. Its number and board time stand in the message header and are not repeated.
 pub(super) fn put_sample(out: &mut Vec<u8>, sample: &ImuSample) {
     let mut fields = Fields(out);
     for (field, value) in (1..).zip(sample.gyro.iter().chain(&sample.accel).chain(&sample.mag)) {
-        // Noise fills two bytes or three, which four of a fixed number and a packer beat.
+        // Noise would fill two or three bytes of a varint; a fixed number of four bytes compresses better.
         fields.fixed(field, *value);
     }
     fields.signed(10, sample.gyro_temperature.into()).signed(11, sample.accel_temperature.into());
 }
 
-/// `None` if it is no such message.
+/// `None` if the bytes are not such a message.
 pub(super) fn get_sample(mut rest: &[u8]) -> Option<ImuSample> {
     let mut sample = ImuSample::default();
     while let Some((field, value)) = next(&mut rest)? {
@@ -31,7 +31,7 @@ pub(super) fn get_sample(mut rest: &[u8]) -> Option<ImuSample> {
     Some(sample)
 }
 
-/// `gnc.CompensatedSample`. Number and board time are those of the message here too.
+/// `gnc.CompensatedSample`. Number and board time stand in the message header here too.
 pub(super) fn put_compensated(out: &mut Vec<u8>, sample: &CompensatedSample) {
     let mut fields = Fields(out);
     for (field, value) in (1..).zip(sample.rate.iter().chain(&sample.force).chain(&sample.field)) {
@@ -41,7 +41,7 @@ pub(super) fn put_compensated(out: &mut Vec<u8>, sample: &CompensatedSample) {
     fields.fixed(12, sample.roll).unsigned(13, sample.saturated.into());
 }
 
-/// `None` if it is no such message.
+/// `None` if the bytes are not such a message.
 pub(super) fn get_compensated(mut rest: &[u8]) -> Option<CompensatedSample> {
     let mut sample = CompensatedSample::default();
     while let Some((field, value)) = next(&mut rest)? {

@@ -1,4 +1,4 @@
-//! The descriptors of the messages, as protobuf describes itself (google/protobuf/descriptor.proto).
+//! The descriptors of the messages, in protobuf's own description format (google/protobuf/descriptor.proto).
 
 use super::Topic;
 use super::proto::Fields;
@@ -18,7 +18,7 @@ enum Type {
 /// `LABEL_OPTIONAL`, which every field of proto3 has.
 const OPTIONAL: u64 = 1;
 
-/// Numbers of the fields of `FieldDescriptorProto` (and `DescriptorProto`, where it says so).
+/// Numbers of the fields of `FieldDescriptorProto`, or of `DescriptorProto` if noted.
 mod number {
     pub(super) const NAME: u32 = 1;
     pub(super) const NUMBER: u32 = 3;
@@ -93,8 +93,8 @@ fn fields(topic: Topic) -> &'static [(&'static str, Type)] {
 
 /// A `FileDescriptorSet` with the one file that declares the topic's message.
 ///
-/// Every field is `optional`: with implicit presence, decoders of others leave out a count of exactly 0. Such a field has
-/// a oneof of its own, which no source declares ("synthetic": protobuf, `docs/implementing_proto3_presence.md`).
+/// Every field is `optional`: with implicit presence, other decoders leave out a count of exactly 0. Such a field has
+/// its own oneof, which no source declares ("synthetic": protobuf, `docs/implementing_proto3_presence.md`).
 pub(super) fn descriptor_set(topic: Topic) -> Vec<u8> {
     let name = topic.message().trim_start_matches("gnc.");
     let message = build(|message| {
@@ -133,7 +133,7 @@ fn build(put: impl FnOnce(&mut Fields<'_>)) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// What people read says what files say: names, types and numbers, all with explicit presence.
+    /// The document for people agrees with the files: names, types and numbers, all with explicit presence.
     #[test]
     fn the_document_has_the_same_fields() {
         let mut documented = Vec::new();

@@ -9,7 +9,7 @@ use gnc_rig::Along;
 
 use super::*;
 
-/// Noise of a live sensor around its output, by a generator of its own (xorshift64*, Vigna 2016).
+/// Noise of a live sensor around its output, by a separate generator (xorshift64*, Vigna 2016).
 fn samples(count: usize, seed: u64) -> Vec<ImuSample> {
     let mut state = seed | 1;
     let mut noise = |span: i64| {
@@ -28,7 +28,7 @@ fn samples(count: usize, seed: u64) -> Vec<ImuSample> {
     (0..count).map(|_| sample()).collect()
 }
 
-/// Every kind of pose, extreme codes, a gap, a receiver, and a heading that no decimal text holds.
+/// Every kind of pose, extreme codes, a gap, a receiver, and a heading that has no exact decimal text.
 fn captures() -> Vec<Capture> {
     let mut rails = samples(3, 9);
     rails[1].gyro = [SATURATION, -SATURATION - 1, 0];
@@ -109,7 +109,7 @@ fn captures() -> Vec<Capture> {
     ]
 }
 
-/// A file that can be looked at while it is written.
+/// A file that can be read while it is written.
 #[derive(Clone, Default)]
 pub(super) struct Shared(pub(super) Rc<RefCell<Vec<u8>>>);
 
@@ -165,7 +165,7 @@ fn captures_come_back_bit_for_bit() {
     let captures = captures();
     let found = read(file(&captures).as_slice()).unwrap();
     assert!(found == RawRecord { captures: captures.clone(), unfinished: None, cut_off: false }, "other samples");
-    // Equality of floats takes -0 for 0: their bits are the same too.
+    // Equality of floats takes -0 for 0, so the bits are compared too.
     let bits = |captures: &[Capture]| {
         let poses = captures.iter().map(|capture| capture.about.pose.clone());
         poses
@@ -178,8 +178,8 @@ fn captures_come_back_bit_for_bit() {
     assert_eq!(bits(&found.captures), bits(&captures));
 }
 
-/// What is flushed and never finished is what a kill leaves: cut at every byte it gives the captures before, and never
-/// a sample that was not written.
+/// A file that is flushed and not finished is like a file after a kill. Cut at every byte it gives the captures before
+/// the cut, and never a sample that was not written.
 #[test]
 fn a_file_may_end_anywhere() {
     let captures = captures();
@@ -193,11 +193,11 @@ fn a_file_may_end_anywhere() {
         out.flush().unwrap();
         ends.push(shared.0.borrow().len());
     }
-    // Dropping it would write an end, which a kill does not.
+    // Dropping the writer would write an end; a kill does not.
     std::mem::forget(out);
     let bytes = shared.0.borrow().clone();
     let mut seen = vec![false; captures.len() + 1];
-    // Every length around the ends, and many between them.
+    // Every length near the ends, and many between them.
     let near = |length: usize| ends.iter().any(|end| length.abs_diff(*end) < 20);
     for length in (0..=bytes.len()).filter(|length| length % 97 == 0 || near(*length)) {
         match read(&bytes[..length]) {
@@ -210,7 +210,7 @@ fn a_file_may_end_anywhere() {
                 assert!(found.captures == captures[..whole], "{length} bytes: other samples");
                 seen[whole] = true;
             }
-            // Before the head is whole it is no file of ours.
+            // Before the head is complete, the file is not valid.
             Err(error) => assert!(length < head, "{length}: {error}"),
         }
     }
@@ -232,7 +232,7 @@ fn one_changed_bit_is_noticed() {
                 noticed += 1;
                 assert!(!error.try_this().is_empty());
             }
-            // What is not covered by the checksum of a chunk is no sample.
+            // Bytes outside the checksum of a chunk do not hold samples.
             Ok(found) => {
                 assert!(found.captures == whole.captures || found.cut_off || found.captures.is_empty(), "{index}");
             }
@@ -259,7 +259,7 @@ fn messages_say_what_and_where() {
     check(&file(&twice), "it is no record of this station: `x+` comes twice after capture `x+`");
 }
 
-/// Found by fuzzing: the rest of the file was taken for the chunk's own, or the station ended in a panic.
+/// Found by fuzzing: the reader took the rest of the file for the chunk's own, or the station panicked.
 #[test]
 fn a_record_does_not_leave_its_chunk() {
     let record =
@@ -281,7 +281,7 @@ fn a_record_does_not_leave_its_chunk() {
     }
 }
 
-/// Few samples of each.
+/// Captures with few samples each.
 pub(super) fn short_captures() -> Vec<Capture> {
     captures().into_iter().map(|capture| cut(capture, 60)).collect()
 }
@@ -297,13 +297,13 @@ pub(super) fn cut(mut capture: Capture, samples: usize) -> Capture {
     capture
 }
 
-/// A file as it was written before fields had explicit presence; it is never written again.
+/// A file from the time before fields had explicit presence. The station no longer writes such files.
 #[test]
 fn files_of_earlier_versions_are_read() {
     let found = read(&include_bytes!("implicit-presence.mcap")[..]).unwrap();
     let mut captures = short_captures();
     for capture in &mut captures {
-        // Nobody compared the clocks then.
+        // The clocks were not compared at that time.
         capture.timing.host = HostView::default();
     }
     assert!(found == RawRecord { captures, unfinished: None, cut_off: false }, "other samples");

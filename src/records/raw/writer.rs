@@ -1,4 +1,4 @@
-//! Writes captures, piece by piece as they come.
+//! Writes captures piece by piece.
 
 use std::io::{Cursor, Seek, Write};
 
@@ -13,32 +13,32 @@ use super::mark::RawMark;
 use super::sample::{put_bytes, put_compensated, put_edge, put_sample};
 use super::schema::descriptor_set;
 
-/// What comes of a capture, in this order: its begin, samples, bytes and edges as they come, its end.
+/// A piece of a capture, in this order: its begin, samples, bytes and edges as they come, its end.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Piece {
-    /// It begins.
+    /// The capture begins.
     Begin {
-        /// What it is of.
+        /// The head of the capture.
         about: CaptureHead,
         /// Board time of its first sample.
         board_time_us: u64,
     },
     /// Samples of the IMU without a gap between them.
     Imu {
-        /// Number of the first one in the capture.
+        /// Number of the first sample in the capture.
         first: u32,
-        /// Board time of the first one.
+        /// Board time of the first sample.
         board_time_us: u64,
         /// Samples a second.
         rate_hz: u16,
         /// The samples.
         samples: Vec<ImuSample>,
     },
-    /// Samples that the board compensated, without a gap between them.
+    /// Samples compensated by the board, without a gap between them.
     Compensated {
-        /// Number of the first one in the capture.
+        /// Number of the first sample in the capture.
         first: u32,
-        /// Board time of the first one.
+        /// Board time of the first sample.
         board_time_us: u64,
         /// Samples a second.
         rate_hz: u16,
@@ -47,25 +47,25 @@ pub enum Piece {
     },
     /// Bytes of the satellite receiver.
     Gnss {
-        /// Board time of the first one.
+        /// Board time of the first byte.
         board_time_us: u64,
         /// The bytes.
         bytes: Vec<u8>,
     },
     /// Edges of the 1PPS, board time in nanoseconds.
     Pps(Vec<u64>),
-    /// It ends.
+    /// The capture ends.
     End {
-        /// What is missing.
+        /// The losses.
         losses: Losses,
         /// The board's clock against the host's.
         host: HostView,
-        /// Board time of its end.
+        /// Board time of the end.
         board_time_us: u64,
     },
 }
 
-/// A file that is being written. What was flushed can be read, also if nothing more follows.
+/// A file that is being written. Flushed content can be read, even if nothing more follows.
 pub struct RawWriter<W: Write + Seek> {
     out: mcap::Writer<W>,
     message: Vec<u8>,
@@ -79,10 +79,10 @@ impl<W: Write + Seek> std::fmt::Debug for RawWriter<W> {
 }
 
 impl RawWriter<Cursor<Vec<u8>>> {
-    /// What stands in every file before the first capture.
+    /// The head of every file, before the first capture.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The head cannot be written.
     pub(super) fn head() -> McapResult<Vec<u8>> {
         let mut file = Self::new(Cursor::new(Vec::new()))?;
         file.flush()?;
@@ -94,10 +94,10 @@ impl<W: Write + Seek> RawWriter<W> {
     /// Begins a file.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn new(out: W) -> McapResult<Self> {
         let program = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"));
-        // Append only, so that what was written stays good whatever comes; no threads beside the one that writes.
+        // Append only, so that written content stays good in all cases; no threads beside the writing one.
         let options = WriteOptions::new().library(program).disable_seeking(true).compression_threads(0);
         let mut out = options.create(out)?;
         for topic in Topic::ALL {
@@ -111,7 +111,7 @@ impl<W: Write + Seek> RawWriter<W> {
     /// Writes a piece.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The piece cannot be written.
     pub fn write(&mut self, piece: Piece) -> McapResult<()> {
         match piece {
             Piece::Begin { about, board_time_us } => {
@@ -139,18 +139,18 @@ impl<W: Write + Seek> RawWriter<W> {
         }
     }
 
-    /// Hands everything on to what lies below.
+    /// Flushes everything to the underlying writer.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub(crate) fn flush(&mut self) -> McapResult<()> {
         self.out.flush()
     }
 
-    /// Writes the summary and the end, and gives back what lies below.
+    /// Writes the summary and the end, and returns the underlying writer.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn finish(mut self) -> McapResult<W> {
         self.out.finish()?;
         Ok(self.out.into_inner())
@@ -183,16 +183,16 @@ impl<W: Write + Seek> RawWriter<W> {
     }
 }
 
-/// The number of a schema. Files whose fields had no presence have those of the topics: decoders that keep classes by the
-/// number from file to file must not take one for the other.
+/// The number of a schema. Old files, whose fields had no presence, use the numbers of the topics. The new numbers
+/// differ: decoders that keep classes by number from file to file must not confuse the two.
 fn schema_id(topic: Topic) -> u16 {
     topic as u16 + 10
 }
 
-/// When evenly spaced samples were taken.
+/// The times of evenly spaced samples.
 #[derive(Debug, Clone, Copy)]
 struct Instants {
-    /// The first one.
+    /// Time of the first sample.
     board_time_us: u64,
     rate_hz: u16,
 }
@@ -203,10 +203,10 @@ impl Instants {
     }
 }
 
-/// Samples of a piece that is made of a whole capture.
+/// Samples in a piece when a whole capture is split.
 const PIECE: usize = 1000;
 
-/// A whole capture, piece by piece.
+/// Splits a whole capture into pieces.
 pub fn pieces(capture: &Capture) -> impl Iterator<Item = Piece> {
     let Capture { about, first_us, samples, compensated, losses, receiver, timing } = capture;
     let (rate_hz, first_us) = (about.rate_hz, *first_us);
@@ -230,7 +230,7 @@ pub fn pieces(capture: &Capture) -> impl Iterator<Item = Piece> {
     std::iter::once(begin).chain(parts).chain(compensated).chain(said).chain([pulses, end])
 }
 
-/// Good for 584 years of board time.
+/// Microseconds as nanoseconds; enough for 584 years of board time.
 fn nanoseconds(us: u64) -> u64 {
     us.saturating_mul(1000)
 }

@@ -1,4 +1,4 @@
-//! What the module's passport says, for people; or why the run has none.
+//! The module's passport for people, or the reason why the run has none.
 
 use super::markup::SvgPage;
 use super::number;
@@ -6,7 +6,7 @@ use crate::passport::{NoPassport, PASSPORT, PASSPORT_XML, Passport};
 
 pub(super) fn show(page: &mut SvgPage, passport: &Result<Passport, NoPassport>) {
     let passport = match passport {
-        // A plan that calibrates nothing needs no word about it.
+        // A plan without calibration needs no text about it.
         Err(NoPassport::NoCalibration) => return,
         Err(why) => {
             page.element("h2", "", "Sensor passport");

@@ -1,4 +1,5 @@
-//! What an analysis found as tables, by the form of its data alone. What `plots` draws is not listed.
+//! Findings of an analysis as tables. The form of the data alone decides how it is shown. What `plots` draws is not
+//! listed.
 //!
 //! | value | shown as |
 //! | --- | --- |
@@ -15,13 +16,13 @@ use super::{number, plots};
 
 /// The key that makes an object one figure's uncertainty budget.
 const CONTRIBUTIONS: &str = "contributions";
-/// Rows of a table; an analysis that lists more has the rest in the record.
+/// Most rows of a table; the record has the rest.
 const MOST_ROWS: usize = 60;
-/// Columns of a table; objects with more keys stand beside each other, a line for each key.
+/// Most columns of a table. Objects with more keys stand beside each other, with a line for each key.
 const MOST_COLUMNS: usize = 8;
-/// What the numbers are and what they do not say stands before them.
+/// Keys whose text stands before the numbers: what the numbers are, and what they do not say.
 const PROSE: [&str; 2] = ["equation", "label"];
-/// The calibration once more, in the form in which later items read it.
+/// The calibration in the form that later items read; it repeats other details.
 const FOR_ITEMS: &str = CALIBRATION.key();
 
 pub(super) fn show(page: &mut SvgPage, details: &Value) {
@@ -68,8 +69,8 @@ fn is_budget(value: &Value) -> bool {
     value.as_object().is_some_and(|map| map.values().any(|value| value.get(CONTRIBUTIONS).is_some()))
 }
 
-/// An uncertainty budget: of each figure its contributions, then what they come to together. The input's uncertainty
-/// times the sensitivity is `u`, in the unit of the figure.
+/// An uncertainty budget: the contributions of each figure, then their combination. `u` is the input's uncertainty
+/// times the sensitivity, in the unit of the figure.
 fn budget(page: &mut SvgPage, figures: &Map<String, Value>) {
     page.open("table", "");
     page.row(
@@ -106,7 +107,7 @@ fn budget(page: &mut SvgPage, figures: &Map<String, Value>) {
     page.close("table");
 }
 
-/// Degrees of freedom; JSON has no infinity, and null stands for it.
+/// Degrees of freedom; JSON has no infinity, so null means infinite.
 fn freedom(of: &Value) -> String {
     match of.get("dof") {
         None => String::new(),
@@ -115,7 +116,7 @@ fn freedom(of: &Value) -> String {
     }
 }
 
-/// Names and values, those of nested objects with their path.
+/// Names and values; values of nested objects have their path.
 fn facts(page: &mut SvgPage, whole: &Value) {
     page.open("table", "facts");
     for (name, value) in flattened("", whole) {
@@ -132,7 +133,7 @@ fn objects(page: &mut SvgPage, rows: &[Value]) {
             names.push(name);
         }
     }
-    // What is called by a name begins with it.
+    // Columns with text, such as names, come first.
     let is_text = |name: &&String| flat.iter().flatten().any(|(other, value)| other == *name && value.is_string());
     names.sort_by_key(|name| !is_text(name));
     let cell = |row: &[(String, &Value)], name: &String| {
@@ -162,7 +163,7 @@ fn value_cell(page: &mut SvgPage, value: &Value) {
     page.element("td", if value.is_number() { "number" } else { "" }, &inline(value));
 }
 
-/// An object with those in it as one, each value under the path to it.
+/// An object with its nested objects as one flat list, each value under its path.
 fn flattened<'v>(path: &str, value: &'v Value) -> Vec<(String, &'v Value)> {
     let Value::Object(map) = value else { return vec![(path.to_owned(), value)] };
     let below = |name: &String| if path.is_empty() { name.clone() } else { format!("{path} {name}") };

@@ -3,10 +3,10 @@
 use std::fmt::{self, Write as _};
 use std::io;
 
-/// A text from anywhere as the content of an element or an attribute.
+/// A text of any origin as the content of an element or an attribute.
 ///
-/// The five characters that mean something are escaped, and control characters (a terminal escape of a board, a null)
-/// are shown as the replacement character.
+/// The five special characters are escaped, and control characters (a terminal escape of a board, a null) are shown as
+/// the replacement character.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Text<'a>(pub(super) &'a str);
 
@@ -20,7 +20,7 @@ impl fmt::Display for Text<'_> {
                 '"' => f.write_str("&quot;")?,
                 '\'' => f.write_str("&#39;")?,
                 '\n' | '\t' => f.write_char(' ')?,
-                // Those that turn the direction of a line, too: a serial number must read as it is.
+                // Also replace characters that turn the direction of a line: a serial number must read as it is.
                 '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => f.write_char('\u{fffd}')?,
                 character if character.is_control() => f.write_char('\u{fffd}')?,
                 character => f.write_char(character)?,
@@ -30,7 +30,7 @@ impl fmt::Display for Text<'_> {
     }
 }
 
-/// Nothing is loaded from anywhere, whatever a text would like: the page says so to the browser.
+/// The page tells the browser to load nothing from other places, whatever its texts contain.
 const HEAD: &str = r#"<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -41,7 +41,8 @@ const HEAD: &str = r#"<!DOCTYPE html>
 
 const STYLE: &str = include_str!("style.css");
 
-/// Bytes of a page that are held before they are handed on: the report of a burn-in may have tens of thousands of rows.
+/// Bytes of a page that are buffered before they are written: the report of a burn-in may have tens of thousands of
+/// rows.
 const PIECE: usize = 1 << 16;
 
 /// A page that grows from top to bottom.
@@ -57,14 +58,14 @@ impl<'a> SvgPage<'a> {
         Self { out, text, written: Ok(()) }
     }
 
-    /// Whether all of it was written.
+    /// Writes the end of the page; an error means that not all of it was written.
     pub(super) fn finish(mut self) -> io::Result<()> {
         self.text.push_str("</body>\n</html>\n");
         self.hand_on();
         self.written
     }
 
-    /// An element with a text. Tags and classes are words of this program.
+    /// An element with a text. Tags and classes are constants of this program.
     pub(super) fn element(&mut self, tag: &'static str, class: &'static str, text: &str) {
         self.tag(tag, class);
         // Writing to a String cannot fail, here and below.
@@ -90,12 +91,12 @@ impl<'a> SvgPage<'a> {
         self.text.clear();
     }
 
-    /// A heading that can be jumped to.
+    /// A heading with an anchor.
     pub(super) fn heading(&mut self, text: &str, anchor: &str) {
         let _ = writeln!(self.text, "<h2 id=\"{}\">{}</h2>", Text(anchor), Text(text));
     }
 
-    /// A cell that leads to a heading.
+    /// A cell with a link to a heading.
     pub(super) fn link(&mut self, text: &str, anchor: &str) {
         let _ = writeln!(self.text, "<td><a href=\"#{}\">{}</a></td>", Text(anchor), Text(text));
     }
@@ -105,7 +106,7 @@ impl<'a> SvgPage<'a> {
         let _ = writeln!(self.text, "<td colspan=\"{columns}\">{}</td>", Text(text));
     }
 
-    /// A row of a name and what it is.
+    /// A row with a name and its value.
     pub(super) fn fact(&mut self, name: &str, value: &str) {
         self.open("tr", "");
         self.element("th", "", name);
@@ -122,7 +123,7 @@ impl<'a> SvgPage<'a> {
         self.close("tr");
     }
 
-    /// Pictures that this program drew, beside each other where there is room.
+    /// Pictures drawn by this program, beside each other if there is room.
     pub(super) fn pictures(&mut self, svgs: &[String]) {
         if svgs.is_empty() {
             return;
@@ -132,7 +133,7 @@ impl<'a> SvgPage<'a> {
         self.text.push_str("</figure>\n");
     }
 
-    /// A cell with a picture that this program drew.
+    /// A cell with a picture drawn by this program.
     pub(super) fn picture_cell(&mut self, svg: &str) {
         let _ = writeln!(self.text, "<td>{svg}</td>");
     }

@@ -1,4 +1,4 @@
-//! Measured values with their limits, as numbers and as a picture of where in the limits they lie.
+//! Measured values with their limits, as numbers and as a picture of their place within the limits.
 
 use gnc_executive::measurement::{Measurement, Reading};
 use gnc_executive::outcome::Outcome;
@@ -31,7 +31,7 @@ pub(super) fn table(page: &mut SvgPage, measurements: &[Measurement]) {
     page.close("table");
 }
 
-/// Where the value lies between its limits. One that has a single limit is drawn against zero or against the limit
+/// The place of a value between its limits. A value with a single limit is drawn against zero, or against the limit
 /// itself, on the good side.
 fn gauge(measurement: &Measurement) -> Option<String> {
     let Reading::Number(value) = measurement.value else { return None };

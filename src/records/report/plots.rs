@@ -1,7 +1,7 @@
-//! Pictures of what an item found, drawn from its details alone, so that they show what the record holds.
+//! Pictures of what an item found. They use the item's details alone, so that they show what the record holds.
 //!
-//! Details that are not of the form expected (another version's, a damaged record's) give no picture; they stand in the
-//! record all the same.
+//! Details of an unexpected form (of another version or a damaged record) give no picture; they still stand in the
+//! record.
 
 mod field;
 mod noise;
@@ -21,9 +21,9 @@ use serde_json::Value;
 const DRAWN: [&str; 6] = [CURVES.key(), FIELD.key(), TURNS.key(), SCATTER.key(), SERIES.key(), SPECTRA.key()];
 /// Points drawn of one curve; more show nothing new on a page.
 const MOST_POINTS: usize = 400;
-/// Curves of one picture: a plan may ask for many positions or calibrations, a reader sees no more.
+/// Most curves of one picture. A plan may ask for many positions or calibrations, but a reader cannot tell more apart.
 const MOST_CURVES: usize = 12;
-/// Two pictures stand beside each other on a page.
+/// Size of a picture: two pictures fit beside each other on a page.
 const SIZE: (f64, f64) = (440.0, 340.0);
 /// The pictures of an item.
 pub(super) fn of(item: ItemId, details: &Value) -> Vec<Panel> {
@@ -49,7 +49,7 @@ pub(super) fn is_drawn(key: &str) -> bool {
     DRAWN.contains(&key)
 }
 
-/// The smallest and the largest of each part of a dense curve; `along` is where a point lies on the page.
+/// The smallest and the largest value of each part of a dense curve; `along` is the place of a point on the page.
 fn thinned(points: &[(f64, f64)], along: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
     if points.len() <= MOST_POINTS {
@@ -85,7 +85,7 @@ mod tests {
         }
     }
 
-    /// Whatever stands in the details, there is a page.
+    /// Every content of the details gives a page.
     #[test]
     fn other_forms_give_no_picture() {
         for item in ItemId::ALL {

@@ -1,4 +1,4 @@
-//! The page as a function of the record: what it must say, and what no text may do to it.
+//! Tests the page as a function of the record: its required content, and its safety against hostile texts.
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{
@@ -85,7 +85,7 @@ fn a_reader_finds_verdict_value_limit_and_what_to_look_at() {
     }
 }
 
-/// A serial number with markup, an escape sequence and a turned direction: the page holds its letters and none of them.
+/// A serial number with markup, an escape sequence and a reversed direction: the page holds its letters and no markup.
 #[test]
 fn no_text_becomes_markup() {
     let page = shown(&record(HOSTILE), &NONE, &[]);
@@ -105,7 +105,7 @@ fn allan() -> serde_json::Value {
     } } })
 }
 
-/// Nothing in the page names another place.
+/// The page does not refer to any other place.
 #[test]
 fn the_page_needs_no_network() {
     let mut record = record("SN-1");
@@ -145,7 +145,7 @@ fn numbers_keep_their_digits() {
     }
 }
 
-/// Whoever reads a verdict near a limit must know by which rule it was made.
+/// A reader of a verdict near a limit must see the rule by which it was made.
 #[test]
 fn the_decision_rule_is_stated() {
     let mut record = record("SN-1");
@@ -155,7 +155,7 @@ fn the_decision_rule_is_stated() {
     assert!(page.contains("guard band by the uncertainty") && !page.contains("simple acceptance"));
 }
 
-/// A module that failed has no passport, and the page says why; a plan that calibrates nothing says nothing.
+/// A module that failed has no passport, and the page says why; a plan without calibration gives no such text.
 #[test]
 fn a_missing_passport_is_explained() {
     let why = Err(NoPassport::Outcome { outcome: Outcome::Failed });

@@ -12,11 +12,11 @@ use crate::raw::{self, RawError, RawRecord};
 pub struct CapturesError {
     /// The file.
     pub path: PathBuf,
-    /// Why.
+    /// The cause.
     pub source: RawError,
 }
 
-/// Where the raw samples of a round of an attempt are; `position` is that of the item in the plan, from 0.
+/// Path of the raw samples of a round of an attempt; `position` is that of the item in the plan, from 0.
 #[must_use]
 pub fn path(folder: &Path, position: usize, item: &str, attempt: u32, repeat: u32) -> PathBuf {
     folder.join(item_folder(position, item)).join(raw_file(attempt, repeat))

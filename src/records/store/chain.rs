@@ -1,4 +1,4 @@
-//! The chain of closed runs: a run that was changed, removed or slipped in later breaks it.
+//! The chain of closed runs. A run that is changed, removed or inserted later breaks it.
 //!
 //! Each day's folder has a file `CHAIN` with a line for each run closed there:
 //!
@@ -6,10 +6,10 @@
 //! NUMBER  LINK-BEFORE  DIGEST  LINK  DATE/SERIAL/TIME-PLAN
 //! ```
 //!
-//! `DIGEST` is the SHA-256 of the run's `SHA256SUMS`, which vouches for all of its files; `LINK` is the SHA-256 of
-//! `NUMBER LINK-BEFORE DIGEST DATE/SERIAL/TIME-PLAN`, so that no line can change without all that follow. Numbers go on
-//! from day to day. `COUNTER` in the records folder holds the last number and link: it finds a tail that was cut off.
-//! Whoever can write all of these files can forge all of them: copy `COUNTER` to a place of your own.
+//! `DIGEST` is the SHA-256 of the run's `SHA256SUMS`, which covers all of its files. `LINK` is the SHA-256 of
+//! `NUMBER LINK-BEFORE DIGEST DATE/SERIAL/TIME-PLAN`, so that a changed line changes all links behind it. Numbers go on
+//! from day to day. `COUNTER` in the records folder holds the last number and link: it reveals a tail that was cut off.
+//! A person who can write all of these files can forge all of them: keep a copy of `COUNTER` in another place.
 
 use std::collections::HashSet;
 use std::fs::{self, File, OpenOptions};
@@ -24,17 +24,18 @@ use sha2::{Digest as _, Sha256};
 use super::folder::sync_dir;
 use super::{DIGESTS, StoreError, digest, on, reader};
 
-/// The chain in a day's folder.
+/// The file of the chain in a day's folder.
 pub(crate) const CHAIN: &str = "CHAIN";
-/// The last number and link, in the records folder.
+/// The file with the last number and link, in the records folder.
 pub(crate) const COUNTER: &str = "COUNTER";
-/// What stands before the first run.
+/// The link before the first run.
 const NOTHING: &str = "0000000000000000000000000000000000000000000000000000000000000000";
-/// Longest wait for another station that closes a run: it writes two short files and waits for the disk.
+/// Longest wait for another station that closes a run: that station writes two short files and waits for the disk.
 const LOCKED_FOR: Duration = Duration::from_secs(10);
-/// Days among which the last line is: a run that went on past midnight is closed in the day before.
+/// Number of newest days that are searched for the last line: a run that went on past midnight is closed in the day
+/// before.
 const NEWEST_DAYS: usize = 3;
-/// Between two looks at the lock.
+/// Time between two looks at the lock.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 /// A closed run in the chain.
@@ -58,7 +59,7 @@ impl ChainEntry {
         format!("{} {} {} {} {}\n", self.number, self.before, self.digest, self.link, self.run)
     }
 
-    /// `None`: it is no line of a chain.
+    /// `None` if the text is not a line of a chain.
     fn parse(line: &str) -> Option<Self> {
         let mut words = line.split(' ');
         let mut word = || words.next().map(str::to_owned);
@@ -71,10 +72,10 @@ impl ChainEntry {
     }
 }
 
-/// Puts a closed run into the chain: its `SHA256SUMS` is on disk.
+/// Appends a closed run to the chain. Its `SHA256SUMS` must be on disk.
 ///
 /// # Errors
-/// [`StoreError`]: the disk, or another station that does not let go.
+/// [`StoreError`]: the disk failed, or another station does not release the lock.
 pub(super) fn append(run: &Path) -> Result<(), StoreError> {
     let mut above = run.ancestors().skip(2);
     let (Some(day), Some(records)) = (above.next(), above.next()) else {
@@ -92,7 +93,7 @@ pub(super) fn append(run: &Path) -> Result<(), StoreError> {
     count(records, link.number, &link.link)
 }
 
-/// Those of some closed runs that the chain of the newest days does not know, though they are of these days.
+/// The closed runs among `runs` that are missing in the chain of the newest days, although they belong to these days.
 ///
 /// # Errors
 /// [`StoreError`]: the folder cannot be read.
@@ -105,7 +106,7 @@ pub(super) fn unknown(records: &Path, runs: Vec<PathBuf>) -> Result<Vec<PathBuf>
     Ok(runs.into_iter().filter(is_new).collect())
 }
 
-/// One station at a time, for the whole folder.
+/// Takes the lock of the whole folder: only one station at a time.
 #[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
 fn lock(records: &Path) -> Result<Flock<File>, StoreError> {
     let began = Instant::now();
@@ -128,7 +129,7 @@ fn count(records: &Path, number: u64, link: &str) -> Result<(), StoreError> {
     sync_dir(records)
 }
 
-/// Number and link of the last run. Where the power went between a line and the counter, the line counts.
+/// Number and link of the last run. If the power failed between a line and the counter, the line counts.
 fn last(records: &Path) -> Result<(u64, String), StoreError> {
     let counted = counter(records)?.unwrap_or_else(|| (0, NOTHING.to_owned()));
     let newest = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.links).max_by_key(|link| link.number);
@@ -155,11 +156,11 @@ fn counter(records: &Path) -> Result<Option<(u64, String)>, StoreError> {
 struct DayChain {
     path: PathBuf,
     links: Vec<ChainEntry>,
-    /// Lines that are none; the last one may be half a line of a power cut.
+    /// Number of broken lines; the last one may be half a line after a power cut.
     broken: usize,
 }
 
-/// Those of so many days, newest day first.
+/// The chains of so many days, newest day first.
 fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, StoreError> {
     let mut chains = Vec::new();
     for (day, _) in reader::days(records)?.into_iter().rev().take(days) {
@@ -175,18 +176,18 @@ fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, StoreError> {
     Ok(chains)
 }
 
-/// What a look at the chain found.
+/// The result of a check of the chain.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct ChainCheck {
     /// Runs in the chain.
     pub runs: usize,
-    /// Number of the first one; earlier days were moved elsewhere if it is not 1.
+    /// Number of the first run in the chain. If it is not 1, earlier days were moved elsewhere.
     pub first: u64,
-    /// What is not as it was written.
+    /// What was changed, a sentence each.
     pub problems: Vec<String>,
 }
 
-/// Goes along the chain from the first run to the last.
+/// Checks the chain from the first run to the last.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -243,7 +244,7 @@ fn look_at(records: &Path, link: &ChainEntry, problems: &mut Vec<String>) {
     }
 }
 
-/// Closed runs of a day with a chain that the chain does not know. Days before there was a chain have none.
+/// Reports closed runs that the chain of their day does not contain. Days from before the chain existed have no chain.
 fn slipped_in(records: &Path, links: &[ChainEntry], problems: &mut Vec<String>) -> Result<(), StoreError> {
     let known: HashSet<&str> = links.iter().map(|link| link.run.as_str()).collect();
     let Some(first_day) = links.iter().filter_map(|link| link.run.split('/').next()).min() else { return Ok(()) };

@@ -1,5 +1,5 @@
-//! The end of a run's folder: what people and programs read is made from the journal, digests vouch for all files, and
-//! the chain for the digests. Where the program or the computer died before that, the next start does it.
+//! Closes a run's folder: it makes the files for people and programs from the journal, then the digests of all files,
+//! then the entry in the chain. If the program or the computer died before that, the next start does it.
 
 use std::fs::{self, File};
 use std::io;
@@ -19,23 +19,23 @@ use super::{
 use crate::passport::{self, PASSPORT, PASSPORT_XML};
 use crate::report::{self, REPORT};
 
-/// Newest runs among which interrupted ones are looked for: a station that died is started again before a thousand
-/// others have run.
+/// Number of newest runs that are searched for interrupted ones: a station that died starts again before a thousand
+/// other runs.
 const LOOKED_AT: usize = 1000;
 
-/// Holds a journal, so that whoever looks for interrupted runs sees that this one goes on. The kernel lets it go when
+/// Locks a journal, so that a search for interrupted runs sees that this run goes on. The kernel releases the lock when
 /// the program dies.
 pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError> {
     on(Flock::lock(journal, FlockArg::LockExclusiveNonblock).map_err(|(_, error)| error.into()), "lock", path)
 }
 
-/// Whether a station writes a run at this moment.
+/// Whether a station is writing a run now.
 pub(crate) fn goes_on(run: &Path) -> bool {
     let path = run.join(JOURNAL);
     File::open(&path).is_ok_and(|journal| hold(journal, &path).is_err())
 }
 
-/// Closes the folder of a run with what its journal says. `cut_off` are the raw files that had no end.
+/// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end.
 pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>, cut_off: &[CutOffFile]) -> Result<(), StoreError> {
     let mut sums = FileDigests::default();
     if let Some(record) = record {
@@ -44,12 +44,12 @@ pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>, cut_off: &[C
         sums.add_new(folder.path())?;
         file_papers(folder, record, cut_off, &mut sums)?;
     }
-    // One wait for all files of the run, then the digests that vouch for them.
+    // One wait for all files of the run, then the digests that cover them.
     folder.sync()?;
     sums.add_new(folder.path())?;
     let digests = sums.text();
     if let Some(key) = folder.key() {
-        // Before the digests, which close the folder.
+        // Sign before the digests are written, since they close the folder.
         let signature = key.sign(digests.as_bytes());
         folder.put_synced(SIGNATURE, |out| out.write_all(&signature))?;
     }
@@ -57,7 +57,7 @@ pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>, cut_off: &[C
     chain::append(folder.path())
 }
 
-/// The run as lines for people, and what the journal cannot say: which raw files were ended later.
+/// The run as lines for people. It also lists what the journal cannot tell: raw files that got their end later.
 fn log(record: &RunRecord, cut_off: &[CutOffFile]) -> String {
     let mut log = text::log_txt(record);
     if !cut_off.is_empty() {
@@ -67,7 +67,7 @@ fn log(record: &RunRecord, cut_off: &[CutOffFile]) -> String {
     log
 }
 
-/// Passport and report name the digest of all that was there before them.
+/// Passport and report name the digest of all files that existed before them.
 fn file_papers(
     folder: &RunFolder,
     record: &RunRecord,
@@ -93,11 +93,11 @@ fn file_papers(
     folder.put(REPORT, |out| report::html(out, record, &passport, &digests))
 }
 
-/// Seals the runs that were interrupted, and says in a line each what became of them. One that ended and was not closed
-/// stays as it is: what nobody vouched for at its end must not become a pass later.
+/// Seals the interrupted runs and returns a line about each. A run that ended but was not closed stays as it is:
+/// without digests from its end it must not become a pass later.
 #[must_use]
 pub fn seal_interrupted(records: &Path, key: Option<&StationKey>) -> Vec<String> {
-    // The first run of a station makes the folder.
+    // The first run of a station creates the folder.
     if !records.exists() {
         return Vec::new();
     }
@@ -122,12 +122,12 @@ pub fn seal_interrupted(records: &Path, key: Option<&StationKey>) -> Vec<String>
     chained.chain(sealed).collect()
 }
 
-/// Puts a sealed run into the chain where a kill came between its digests and the chain; whether it did. One that ended is
-/// left out of it: somebody may have slipped it in.
+/// Appends a sealed run to the chain if a kill came between its digests and the chain. Returns whether it did so. A run
+/// that ended is not appended: it may have been inserted later.
 fn put_into_chain(records: &Path, run: &Path) -> Result<bool, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(false) };
-    // Another station may have done it meanwhile.
+    // Another station may have appended it meanwhile.
     let is_unknown = !chain::unknown(records, vec![run.to_owned()])?.is_empty();
     let is_interrupted = reader::fold(run).is_ok_and(|state| state.header().is_some() && state.is_interrupted());
     if !is_unknown || !is_interrupted || !reader::verify(run).is_empty() {
@@ -137,7 +137,7 @@ fn put_into_chain(records: &Path, run: &Path) -> Result<bool, StoreError> {
     Ok(true)
 }
 
-/// `None`: it goes on, has an end, or holds nothing.
+/// Seals a run. `None`: the run goes on, has an end, or is empty.
 fn seal(run: &Path, key: Option<&StationKey>) -> Result<Option<String>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(None) };
@@ -151,8 +151,8 @@ fn seal(run: &Path, key: Option<&StationKey>) -> Result<Option<String>, StoreErr
     Ok(Some(in_words(&state, &record, &cut_off)))
 }
 
-/// Removes what a sealing left that was killed itself: parts of files that never took their names, and the papers, which
-/// are made after all that they name.
+/// Removes what an earlier sealing left when it was killed: unfinished part files, and the papers, which are made after
+/// all files that they name.
 fn clear_away(run: &Path) -> Result<(), StoreError> {
     let is_left = |file: &Path| {
         file.extension().is_some_and(|extension| extension == PART)
@@ -175,7 +175,7 @@ fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> Str
     format!("was interrupted{during}{last}; {ended}it is sealed as that, and {serial_number} has to be tested again")
 }
 
-/// JSON as the record's files hold it.
+/// Writes JSON in the form of the record's files.
 ///
 /// # Errors
 /// `out` could not be written.

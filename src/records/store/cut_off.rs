@@ -1,10 +1,10 @@
-//! Raw files that a kill left without an end: the end is written before the run is sealed, so that every program reads
-//! them and the digests vouch for what they read.
+//! Completes raw files that a kill left without an end. The end is written before the run is sealed, so that every
+//! program can read them and the digests cover what it reads.
 //!
-//! Nothing that was filed is lost: what stands before the end is the original byte for byte, a torn record behind it is
-//! kept in a file of its own, and `cut-off.json` has length and digest of both together as the station left them. It is
-//! on disk before the first file is changed, and a file is changed at once or not at all; so a kill at any moment of
-//! this leaves what the next start brings to the same end.
+//! No filed data is lost. The content before the end is the original byte for byte, a torn record behind it is kept in
+//! a separate file, and `cut-off.json` has length and digest of the original file. `cut-off.json` is on disk before the
+//! first file is changed, and each file is changed in one step. So after a kill at any moment, the next start comes to
+//! the same result.
 
 use std::fs::{self, File};
 use std::io::{self, Read as _, Seek as _, SeekFrom};
@@ -16,13 +16,13 @@ use serde::{Deserialize, Serialize};
 use super::{RunFolder, StoreError, captures, closing, digest, on};
 use crate::raw::{self, RawError, Survey};
 
-/// What was done, in the run's folder.
+/// The file in the run's folder that says what was done.
 pub(super) const CUT_OFF: &str = "cut-off.json";
-/// What the name of a file that holds a torn record ends with.
+/// Name ending of a file that holds a torn record.
 const TORN: &str = "torn";
 const SCHEMA: &str = "gnc-station/cut-off/1";
 
-/// The raw files of a run that had no end when it was sealed.
+/// The raw files of a run that had no end when the run was sealed.
 #[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct CutOffReport {
     schema: String,
@@ -32,22 +32,22 @@ pub(super) struct CutOffReport {
 /// A raw file that had no end.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct CutOffFile {
-    /// Below the run's folder.
+    /// Path relative to the run's folder.
     pub(super) file: String,
     /// Its length as the station left it.
     pub(super) original_bytes: u64,
     /// Its SHA-256 as the station left it.
     pub(super) original_sha256: String,
-    /// Bytes from its beginning that stand before the end which was written.
+    /// Number of bytes from the beginning that stay before the new end.
     kept_bytes: u64,
-    /// Where the others are, below the run's folder.
+    /// File with the other bytes, relative to the run's folder.
     torn: Option<String>,
-    /// Why it was left as it was: it is not merely cut off.
+    /// Why the file was left as it is: it is damaged and not only cut off.
     damaged: Option<String>,
 }
 
 impl CutOffFile {
-    /// What the next start says.
+    /// The short text that the next start prints.
     pub(super) fn in_short(&self) -> String {
         let now = if self.damaged.is_some() { "is damaged: it is left as it was" } else { "has its end now" };
         format!("{} was cut off and {now}", printable(&self.file))
@@ -69,7 +69,7 @@ impl CutOffFile {
     }
 }
 
-/// Writes the ends that are missing. Nobody else writes in the folder.
+/// Writes the missing ends. No other program writes in the folder.
 ///
 /// # Errors
 /// [`StoreError::File`].
@@ -85,7 +85,7 @@ pub(super) fn complete(folder: &RunFolder) -> Result<CutOffReport, StoreError> {
     Ok(report)
 }
 
-/// What an earlier start meant to do.
+/// The report that an earlier start filed.
 fn told(run: &Path) -> Result<Option<CutOffReport>, StoreError> {
     let path = run.join(CUT_OFF);
     match fs::read(&path) {
@@ -97,7 +97,7 @@ fn told(run: &Path) -> Result<Option<CutOffReport>, StoreError> {
     }
 }
 
-/// Looks through the files, keeps what will be cut off, and files what will be done.
+/// Surveys the files, saves what will be cut off, and files what will be done.
 fn look(folder: &RunFolder) -> Result<CutOffReport, StoreError> {
     let mut report = CutOffReport { schema: SCHEMA.to_owned(), files: Vec::new() };
     for path in captures::files(folder.path())? {
@@ -107,7 +107,7 @@ fn look(folder: &RunFolder) -> Result<CutOffReport, StoreError> {
             Err(RawError::Io(source)) => return on(Err(source), "read", &path),
             found => found,
         };
-        // What is promised of it must outlive a power cut.
+        // The data behind the promise must survive a power cut.
         on(File::open(&path).and_then(|file| file.sync_all()), "write", &path)?;
         let original_bytes = on(fs::metadata(&path), "read", &path)?.len();
         let original_sha256 = digest::of_file(&path)?;
@@ -129,11 +129,11 @@ fn look(folder: &RunFolder) -> Result<CutOffReport, StoreError> {
     Ok(report)
 }
 
-/// Puts the end behind what stays, unless that was done.
+/// Puts the end behind the bytes that stay, unless it is already there.
 fn end(folder: &RunFolder, found: &CutOffFile) -> Result<(), StoreError> {
     let path = folder.path().join(&found.file);
     let other = || on(Err(io::Error::other("it is not the file that was looked at")), "end", &path);
-    // What an earlier start filed may have been changed since.
+    // The report of an earlier start may have been changed since.
     if !captures::files(folder.path())?.contains(&path) {
         return other();
     }
@@ -154,8 +154,8 @@ fn end(folder: &RunFolder, found: &CutOffFile) -> Result<(), StoreError> {
     })
 }
 
-/// Looks through a file; `None` if it has an end. Where the power went, the system may have promised more bytes than it
-/// wrote: zeros at the end are no part of the file.
+/// Surveys a file; `None` if the file has an end. After a power failure a file may be longer than what was written:
+/// zeros at the end do not belong to it.
 fn survey(path: &Path) -> Result<Option<Survey>, RawError> {
     let found = Survey::of(File::open(path)?);
     let Err(RawError::Damaged { .. }) = found else { return found };
@@ -168,7 +168,7 @@ fn survey(path: &Path) -> Result<Option<Survey>, RawError> {
     Survey::of(file.take(written))
 }
 
-/// The length without the zeros at the end.
+/// The length without zeros at the end.
 fn without_zeros(file: &mut File) -> io::Result<u64> {
     let mut end = file.metadata()?.len();
     let mut piece = [0; 1 << 16];

@@ -10,7 +10,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::{DIGESTS, PAPERS, SIGNATURE, StoreError, on};
 
-/// Hexadecimal digits of a SHA-256.
+/// A SHA-256 as hexadecimal digits.
 #[must_use]
 pub(crate) fn hexadecimal(digest: &[u8]) -> String {
     use std::fmt::Write as _;
@@ -20,12 +20,12 @@ pub(crate) fn hexadecimal(digest: &[u8]) -> String {
     })
 }
 
-/// Digest of a plan with all that it includes: of each file its name's length, name, text's length and text, so that
-/// nothing can move from one to the other.
+/// Digest of a plan with all that it includes. It covers the length of the name, name, length of the text and text of
+/// each file, so that bytes cannot move from one to the other.
 pub fn of_plan<'a>(files: impl Iterator<Item = (&'a str, &'a [u8])>) -> String {
     let mut hasher = Sha256::new();
     for (name, text) in files {
-        // The folder in which a plan lies is no part of it.
+        // The folder of the plan does not count.
         let name = Path::new(name).file_name().map_or(name.as_bytes(), |name| name.as_encoded_bytes());
         for part in [name, text] {
             hasher.update((part.len() as u64).to_le_bytes());
@@ -58,7 +58,7 @@ impl io::Write for HashWriter<'_> {
     }
 }
 
-/// All files below a run's folder but the list of digests itself and its signature, as sorted relative paths.
+/// All files below a run's folder except the list of digests and its signature, as sorted relative paths.
 ///
 /// # Errors
 /// [`StoreError::File`].
@@ -82,12 +82,12 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(files)
 }
 
-/// Digests of the files of a run's folder, by their relative paths: what `SHA256SUMS` holds.
+/// Digests of the files of a run's folder, by their relative paths: the content of `SHA256SUMS`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct FileDigests(BTreeMap<PathBuf, String>);
 
 impl FileDigests {
-    /// Adds the files of a folder that are not yet among them. Raw samples are large, and are read once.
+    /// Adds the files of a folder that are not yet included. Raw samples are large, so they are read once.
     ///
     /// # Errors
     /// [`StoreError::File`].
@@ -101,7 +101,7 @@ impl FileDigests {
         Ok(())
     }
 
-    /// Those that a closed folder holds; lines that are none are left out and counted.
+    /// Reads the digests of a closed folder. Invalid lines are left out and counted.
     ///
     /// # Errors
     /// [`StoreError::File`].
@@ -120,15 +120,15 @@ impl FileDigests {
         Ok((Self(sums), bad))
     }
 
-    /// In the form of `sha256sum`, sorted by path.
+    /// The text in the form of `sha256sum`, sorted by path.
     #[must_use]
     pub(crate) fn text(&self) -> String {
         Self::lines(self.0.iter())
     }
 
-    /// The digest that a passport names: of the lines of all files but the papers that name it, so that it vouches for
-    /// journal, plan and raw samples. `grep -vE '  (passport.json|passport.xml|report.html)$' SHA256SUMS | sha256sum` gives
-    /// it too.
+    /// The record digest in a passport: the digest of the lines of all files except the papers that name it, so that it
+    /// covers journal, plan and raw samples.
+    /// `grep -vE '  (passport.json|passport.xml|report.html)$' SHA256SUMS | sha256sum` gives the same digest.
     #[must_use]
     pub fn of_record(&self) -> String {
         let is_paper = |file: &Path| PAPERS.iter().any(|paper| file == Path::new(paper));
@@ -144,7 +144,7 @@ impl FileDigests {
         self.0.get(Path::new(file)).map(String::as_str)
     }
 
-    /// Files with their digests, taken apart.
+    /// The map of files and their digests.
     #[must_use]
     pub(crate) fn into_map(self) -> BTreeMap<PathBuf, String> {
         self.0

@@ -1,4 +1,4 @@
-//! A run's folder: its name, and files that are there whole or not at all.
+//! A run's folder: its name, and files that are either complete or absent.
 
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Write as _};
@@ -9,11 +9,11 @@ use sha2::{Digest as _, Sha256};
 
 use super::{StationKey, StoreError, on};
 
-/// Runs of one plan with one serial number in one second; more are a loop gone wild.
+/// Bound on the runs of one plan with one serial number in one second; more mean a loop out of control.
 const MAX_SAME_SECOND: u32 = 10_000;
-/// What the name of a file ends with until all of it is written.
+/// Name ending of a file that is not completely written.
 pub(super) const PART: &str = "part";
-/// Longest part of a serial number that stands in a folder's name.
+/// Longest part of a serial number in a folder's name.
 const MAX_NAME: usize = 64;
 
 /// The folder of a run.
@@ -25,7 +25,7 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// Creates `DATE/SERIAL/TIME-PLAN` below the records folder, with `-2`, `-3` where that is taken.
+    /// Creates `DATE/SERIAL/TIME-PLAN` below the records folder, with `-2`, `-3` if the name is taken.
     ///
     /// # Errors
     /// [`StoreError::File`].
@@ -39,14 +39,14 @@ impl RunFolder {
         on(fs::create_dir_all(&day), "create", &day)?;
         let name = format!("{}-{}", at.format("%H%M%S"), folder_name(plan));
         let folder = Self::fresh(&day, &name)?;
-        // The names of the new folders must outlive a power cut as well.
+        // The names of the new folders must survive a power cut as well.
         for dir in [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten() {
             sync_dir(dir)?;
         }
         Ok(folder)
     }
 
-    /// Creates a folder beside a run's, `RUN-WHAT`, with `-2`, `-3` where that is taken.
+    /// Creates a folder beside a run's, `RUN-WHAT`, with `-2`, `-3` if the name is taken.
     ///
     /// # Errors
     /// [`StoreError::File`].
@@ -59,12 +59,12 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// That of a run whose program died.
+    /// The folder of a run whose program died.
     pub(super) fn existing(path: &Path) -> Self {
         Self { path: path.to_owned(), key: None }
     }
 
-    /// The same folder, signed when it is closed.
+    /// The same folder with a key that signs it when it is closed.
     #[must_use]
     pub fn signed_with(self, key: Option<StationKey>) -> Self {
         Self { key, ..self }
@@ -86,7 +86,7 @@ impl RunFolder {
         on(Err(io::ErrorKind::AlreadyExists.into()), "create", &parent.join(name))
     }
 
-    /// Where it is.
+    /// The path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -100,7 +100,7 @@ impl RunFolder {
         Ok(file)
     }
 
-    /// Opens a new file in a folder of its own to append to.
+    /// Opens a new file in its own subfolder to append to.
     pub(super) fn create_below(&self, name: &str) -> Result<File, StoreError> {
         let path = self.path.join(name);
         let parent = self.parent(&path)?;
@@ -110,8 +110,8 @@ impl RunFolder {
         Ok(file)
     }
 
-    /// The folder of a file, made if it is one of an item. The run's own is not made again: where somebody removed it, a
-    /// part of the record must not pass for the whole.
+    /// The folder of a file, created if it is an item's folder. The run's own folder is not created again: if it was
+    /// removed, a part of the record must not look like the complete record.
     fn parent<'a>(&self, path: &'a Path) -> Result<&'a Path, StoreError> {
         let parent = path.parent().unwrap_or(path);
         if parent == self.path {
@@ -123,7 +123,7 @@ impl RunFolder {
         }
     }
 
-    /// Writes a whole file: it appears under its name only when all of it is written.
+    /// Writes a complete file: it appears under its name only when all of it is written.
     pub(super) fn put(
         &self,
         name: &str,
@@ -132,7 +132,7 @@ impl RunFolder {
         self.place(name, write, false)
     }
 
-    /// Writes a whole file and waits until it is on disk.
+    /// Writes a complete file and waits until it is on disk.
     pub(super) fn put_synced(
         &self,
         name: &str,
@@ -142,7 +142,7 @@ impl RunFolder {
         sync_dir(self.path.join(name).parent().unwrap_or(&self.path))
     }
 
-    /// Waits until everything that was written is on disk.
+    /// Waits until all written files are on disk.
     pub(super) fn sync(&self) -> Result<(), StoreError> {
         let dir = on(File::open(&self.path), "read", &self.path)?;
         on(nix::unistd::syncfs(dir).map_err(io::Error::from), "write", &self.path)
@@ -165,7 +165,7 @@ impl RunFolder {
             written = written.and_then(|()| file.get_ref().sync_all());
         }
         if written.is_err() {
-            // On a full disk it would be in the way. What is said is why it could not be written.
+            // On a full disk the part file would be in the way. The reported error is that of the write.
             let _ = fs::remove_file(&part);
         }
         on(written, "write", &part)?;
@@ -177,8 +177,8 @@ pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
     on(File::open(dir).and_then(|dir| dir.sync_all()), "write", dir)
 }
 
-/// A text from outside as the name of a folder: letters, digits, `-`, `_`, `.` and nothing hidden. Where something
-/// had to be replaced or cut, a digest keeps different texts apart.
+/// A text from outside as the name of a folder: letters, digits, `-`, `_`, `.`, and not a hidden name. If characters
+/// were replaced or cut, a digest keeps different texts apart.
 #[must_use]
 pub(crate) fn folder_name(text: &str) -> String {
     let harmless = |character: char| character.is_ascii_alphanumeric() || matches!(character, '-' | '_' | '.');

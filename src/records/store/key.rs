@@ -1,7 +1,7 @@
-//! The station's key (Ed25519, RFC 8032), with which it may sign the digests of each run that it closes.
+//! The station's key (Ed25519, RFC 8032). With it the station may sign the digests of each run that it closes.
 //!
-//! A chain of digests shows a change to whoever trusts the folder; a signature shows it to whoever has the public key.
-//! Both keys are files in the form of RFC 8410, so that other programs check signatures too:
+//! A chain of digests shows a change to a person who trusts the folder; a signature shows it to a person who has the
+//! public key. Both keys are files in the form of RFC 8410, so that other programs can check signatures too:
 //!
 //! ```text
 //! openssl pkeyutl -verify -rawin -pubin -keyform DER -inkey FILE.pub -in SHA256SUMS -sigfile SHA256SUMS.sig
@@ -14,50 +14,50 @@ use std::path::{Path, PathBuf};
 
 use ed25519_dalek::{Signature, Signer as _, SigningKey, VerifyingKey};
 
-/// What stands before the 32 bytes of a private key: PKCS #8 of RFC 8410.
+/// The bytes before the 32 bytes of a private key: PKCS #8 of RFC 8410.
 const PRIVATE_HEAD: [u8; 16] = [0x30, 0x2e, 2, 1, 0, 0x30, 5, 6, 3, 0x2b, 0x65, 0x70, 4, 0x22, 4, 0x20];
-/// What stands before the 32 bytes of a public key: SubjectPublicKeyInfo of RFC 8410.
+/// The bytes before the 32 bytes of a public key: SubjectPublicKeyInfo of RFC 8410.
 const PUBLIC_HEAD: [u8; 12] = [0x30, 0x2a, 0x30, 5, 6, 3, 0x2b, 0x65, 0x70, 3, 0x21, 0];
-/// Bytes of either key.
+/// Number of bytes of either key.
 const KEY: usize = 32;
-/// Rights of others than the owner: a key that they can read is nobody's.
+/// Access rights of other users. A key file that other users can read is not secret.
 const OF_OTHERS: u32 = 0o077;
-/// Longest file that is read: both forms are shorter.
+/// Longest file that is read: both key files are shorter.
 const LONGEST: u64 = 128;
 
 /// Why a key cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum KeyError {
-    /// The file.
+    /// Access to the key file failed.
     #[error("cannot {what} the key {}", path.display())]
     File {
-        /// "read", "write".
+        /// The action: "read", "write".
         what: &'static str,
-        /// Which.
+        /// The key file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// Others than its owner may use it.
+    /// Other users have rights to the key file.
     #[error("the key {} may be used by others than its owner (mode {mode:03o})", path.display())]
     Open {
-        /// Which.
+        /// The key file.
         path: PathBuf,
-        /// Its rights.
+        /// Its access rights.
         mode: u32,
     },
-    /// It belongs to somebody else.
+    /// The key file belongs to another user.
     #[error("the key {} belongs to another user", path.display())]
     Foreign {
-        /// Which.
+        /// The key file.
         path: PathBuf,
     },
-    /// The file holds something else.
+    /// The file does not hold such a key.
     #[error("{} is no {form} key of Ed25519", path.display())]
     NoKey {
-        /// Which.
+        /// The key file.
         path: PathBuf,
-        /// "private", "public".
+        /// The expected form: "private", "public".
         form: &'static str,
     },
 }
@@ -86,10 +86,10 @@ impl KeyError {
 pub struct StationKey(SigningKey);
 
 impl StationKey {
-    /// Makes a new key: the private half in a file that its owner alone may use, the public one beside it, `.pub`.
+    /// Makes a new key: the private half in a file that only its owner may use, the public half beside it, `.pub`.
     ///
     /// # Errors
-    /// [`KeyError::File`]; a file that is there is never written over.
+    /// [`KeyError::File`]; an existing file is never overwritten.
     pub fn create(path: &Path) -> Result<PathBuf, KeyError> {
         let mut seed = [0; KEY];
         let random = Path::new("/dev/urandom");
@@ -101,7 +101,7 @@ impl StationKey {
         Ok(public)
     }
 
-    /// Reads a private key that nobody else may use.
+    /// Reads a private key that only its owner may use.
     ///
     /// # Errors
     /// [`KeyError`].
@@ -139,7 +139,7 @@ impl PublicKey {
         Ok(Self(VerifyingKey::from_bytes(&bytes).map_err(no_key)?))
     }
 
-    /// Whether the text was signed with the other half.
+    /// Whether the text was signed with the private half.
     #[must_use]
     pub(crate) fn signed(&self, text: &[u8], signature: &[u8]) -> bool {
         Signature::from_slice(signature).is_ok_and(|signature| self.0.verify_strict(text, &signature).is_ok())

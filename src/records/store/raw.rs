@@ -1,5 +1,5 @@
-//! The thread that writes the raw samples of an attempt, beside the one that writes the journal: a slow disk holds up
-//! the capture, and no sample is dropped for it.
+//! The thread that writes the raw samples of an attempt, beside the thread that writes the journal. A slow disk delays
+//! the capture but does not drop samples.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -14,35 +14,35 @@ use tokio::time::{MissedTickBehavior, interval};
 use super::{RunFolder, StoreError, on};
 use crate::raw::{Piece, RawWriter};
 
-/// Pieces on their way to the disk: six seconds of 1 kHz in frames of 12 samples, far longer than a disk takes to
-/// wake up.
+/// Most pieces on their way to the disk: six seconds of 1 kHz in frames of 12 samples. That is far longer than a disk
+/// takes to wake up.
 const ON_THE_WAY: usize = 512;
-/// What was captured so long ago is in the file, whatever happens to this program.
+/// Samples older than this are in the file, whatever happens to this program.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// Bytes handed to the system at once.
+/// Bytes that are given to the system at once.
 const BUFFER: usize = 1 << 18;
 
-/// A raw file that is being written. Dropping it ends the file where it stands.
+/// A raw file that is being written. Dropping it ends the file at this place.
 #[derive(Debug)]
 pub struct RawFile {
     pieces: mpsc::Sender<Piece>,
     ended: oneshot::Receiver<Result<(), StoreError>>,
 }
 
-/// The thread of a raw file; the file is whole when it has ended.
+/// The thread of a raw file; the file is complete when the thread has ended.
 pub(super) type RawThread = JoinHandle<()>;
 
-/// A raw file that is being created. The disk may take seconds for it, in which the board's watchdog wants to be heard.
+/// A raw file that is being created. The disk may take seconds for this; meanwhile the board's watchdog must be served.
 pub(super) struct Opening {
     file: RawFile,
     there: oneshot::Receiver<()>,
 }
 
 impl Opening {
-    /// Waits until the file is there.
+    /// Waits until the file exists.
     ///
     /// # Errors
-    /// Why it cannot be created.
+    /// The cause why it cannot be created.
     pub(super) async fn opened(self) -> Result<RawFile, StoreError> {
         match self.there.await {
             Ok(()) => Ok(self.file),
@@ -52,7 +52,7 @@ impl Opening {
 }
 
 impl RawFile {
-    /// Begins to create the file, below a run's folder, and to write.
+    /// Starts the thread that creates the file below a run's folder and writes it.
     pub(super) fn create(folder: &RunFolder, name: String) -> Result<(Opening, RawThread), StoreError> {
         let path = folder.path().join(&name);
         let (pieces, receiver) = mpsc::channel(ON_THE_WAY);
@@ -61,21 +61,21 @@ impl RawFile {
         let (folder, named) = (folder.clone(), path.clone());
         let spawned = std::thread::Builder::new().name("raw samples".into()).spawn(move || {
             let written = folder.create_below(&name).and_then(|file| {
-                // Whoever does not wait for it was stopped.
+                // After a stop the receiver may be gone.
                 let _ = created.send(());
                 write(file, &named, receiver)
             });
-            // Whoever waits for it hears of an error; nobody does after a stop.
+            // The receiver reports the error; after a stop there is no receiver.
             let _ = done.send(written);
         });
         let thread = on(spawned, "start a thread for", &path)?;
         Ok((Opening { file: Self { pieces, ended }, there }, thread))
     }
 
-    /// Hands a piece over; waits while the disk is behind.
+    /// Hands a piece over; waits if the disk is too slow.
     ///
     /// # Errors
-    /// Why the file cannot be written.
+    /// The cause why the file cannot be written.
     pub async fn write(&mut self, piece: Piece) -> Result<(), StoreError> {
         match self.pieces.send(piece).await {
             Ok(()) => Ok(()),
@@ -89,7 +89,7 @@ impl RawFile {
     /// Ends the file and waits until it is on disk.
     ///
     /// # Errors
-    /// Why it is not.
+    /// The cause why the file is not on disk.
     pub async fn finish(self) -> Result<(), StoreError> {
         drop(self.pieces);
         self.ended.await.map_err(|_| closed())?
@@ -110,7 +110,7 @@ fn write(file: File, path: &Path, pieces: mpsc::Receiver<Piece>) -> Result<(), S
 
 async fn all(out: BufWriter<File>, mut pieces: mpsc::Receiver<Piece>) -> Result<BufWriter<File>, McapError> {
     let mut out = RawWriter::new(out)?;
-    // The head alone is a file already.
+    // A head alone is a valid file already.
     out.flush()?;
     let mut flush_due = interval(FLUSH_EVERY);
     flush_due.set_missed_tick_behavior(MissedTickBehavior::Delay);

@@ -1,4 +1,4 @@
-//! Reads records back. The journal is the truth; what was made from it is compared with it.
+//! Reads records back. The journal is authoritative; files made from it are compared with it.
 
 use std::fs;
 use std::io;
@@ -14,36 +14,37 @@ use super::digest::FileDigests;
 use super::folder::folder_name;
 use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, digest, on};
 
-/// Longest journal that is read: a thousand hours of a babbling bench; a longer file is no journal of ours.
+/// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
+/// station.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
 
 /// Why a run cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// A file or folder.
+    /// Access to a file or folder failed.
     #[error("cannot read {}", path.display())]
     File {
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// No journal has so many bytes.
+    /// The file is longer than any journal.
     #[error("{} is longer than any journal", path.display())]
     TooLong {
         /// The journal.
         path: PathBuf,
     },
-    /// The journal is not as any version of the station writes it.
+    /// No version of the station writes such a journal.
     #[error("the journal is damaged")]
     Damaged(#[source] JournalError),
-    /// A later version of the station wrote the journal, and this one does not know all of it.
+    /// A later version of the station wrote the journal, and this version does not know all of it.
     #[error("written by a newer version of the station ({0})")]
     Newer(Unknown),
     /// The run was cut off at its start.
     #[error("the journal holds no whole event: the run was cut off at its start")]
     Empty,
-    /// The folder of its plan is empty.
+    /// The plan folder of the run is empty.
     #[error("{PLAN}/ is empty")]
     NoPlan,
 }
@@ -60,13 +61,13 @@ impl ReadError {
         }
     }
 
-    /// Whether a later version of the station wrote the run, so that nothing is known to be wrong with it.
+    /// Whether a later version of the station wrote the run. Such a run is not known to be damaged.
     #[must_use]
     pub fn is_newer(&self) -> bool {
         self.unknown().is_some()
     }
 
-    /// What this version does not know in the journal of a later one.
+    /// The part of a later version's journal that this version does not know.
     #[must_use]
     pub fn unknown(&self) -> Option<&Unknown> {
         match self {
@@ -83,12 +84,12 @@ impl ReadError {
     }
 }
 
-/// What a comparison of a run with its digests and its journal finds.
+/// The result of a comparison of a run with its digests and its journal.
 #[derive(Debug, Default)]
 pub struct Verified {
-    /// What is wrong, a sentence each; nothing if all is as it was written.
+    /// What is wrong, a sentence each; empty if all is as it was written.
     pub problems: Vec<String>,
-    /// A later version of the station wrote the journal: digests are compared, and what the journal says is not.
+    /// A later version of the station wrote the journal: only the digests are compared, not the content of the journal.
     pub newer: Option<ReadError>,
 }
 
@@ -97,14 +98,14 @@ pub struct Verified {
 pub struct FoundRun {
     /// Its folder.
     pub path: PathBuf,
-    /// What it holds, or why that cannot be read.
+    /// The content of the run, or why it cannot be read.
     pub run: Result<RunRecord, ReadError>,
-    /// Whether its folder was closed with its digests; a run without them is no evidence, whatever it says.
+    /// Whether the folder was closed with its digests. A run without them is not evidence, whatever it says.
     pub sealed: bool,
 }
 
 impl FoundRun {
-    /// Whether it is a run of this module; of a run of a later version the name of its folder tells.
+    /// Whether it is a run of this module. For a run of a later version the folder name decides.
     #[must_use]
     pub fn is_of(&self, serial_number: &str) -> bool {
         match &self.run {
@@ -123,12 +124,12 @@ impl FoundRun {
 pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
     let mut runs = Vec::new();
     for day in folders(records)?.into_iter().filter(|day| is_day(day)) {
-        // A folder that cannot be read is no reason to hide the others.
+        // A folder that cannot be read does not hide the others.
         for serial in folders(&day).unwrap_or_default() {
             runs.extend(folders(&serial).unwrap_or_default().into_iter().map(found));
         }
     }
-    // By day and name, which begins with the time of day: the time in a journal is known only of runs that can be read.
+    // Sort by day and name, which begins with the time of day: the time in the journal is known only for readable runs.
     runs.sort_by(|a, b| when(&a.path).cmp(&when(&b.path)).then_with(|| a.path.cmp(&b.path)));
     Ok(runs)
 }
@@ -156,7 +157,7 @@ pub fn of_day(records: &Path, day: &str, limit: usize) -> Result<(Vec<FoundRun>,
     Ok((paths.into_iter().map(found).collect(), cut))
 }
 
-/// The runs of one module on a day, oldest first, those of a newer version too; none where nothing can be read.
+/// The runs of one module on a day, oldest first, also those of a newer version; empty if the folder cannot be read.
 #[must_use]
 pub fn of_module(records: &Path, day: &str, serial_number: &str) -> Vec<FoundRun> {
     let folder = records.join(day).join(folder_name(serial_number));
@@ -176,8 +177,8 @@ pub fn newest(records: &Path, limit: usize) -> impl Iterator<Item = PathBuf> {
     days.flat_map(of_day).take(limit)
 }
 
-/// Folders of the runs of one module, newest first. A folder of another module may be among them, since two serial numbers
-/// may share one.
+/// Folders of the runs of one module, newest first. They may include folders of another module, since two serial
+/// numbers may share one folder.
 pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<Item = PathBuf> {
     let days = folders(records).unwrap_or_default().into_iter().filter(|day| is_day(day)).rev();
     let name = folder_name(serial_number);
@@ -188,7 +189,7 @@ fn found(path: PathBuf) -> FoundRun {
     FoundRun { run: read(&path), sealed: is_sealed(&path), path }
 }
 
-/// Whether a folder holds a run, be it only a part of one: a run whose journal was taken away is to be found out.
+/// Whether a folder holds a run or part of one: a run whose journal was removed must be found.
 #[must_use]
 pub fn is_run(folder: &Path) -> bool {
     [JOURNAL, RECORD, DIGESTS].iter().any(|file| folder.join(file).exists())
@@ -200,7 +201,7 @@ pub fn is_sealed(folder: &Path) -> bool {
     folder.join(DIGESTS).is_file()
 }
 
-/// Day and name of a run's folder.
+/// Day and name of a run's folder, as the order of runs.
 fn when(run: &Path) -> (String, String) {
     let day = run.ancestors().nth(2).map(name_of).unwrap_or_default();
     (day, name_of(run))
@@ -210,7 +211,7 @@ fn name_of(folder: &Path) -> String {
     folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Whether a folder is named by a date; a disk of its own has others too.
+/// Whether a folder is named by a date; a separate disk has other folders too.
 fn is_day(folder: &Path) -> bool {
     chrono::NaiveDate::parse_from_str(&name_of(folder), "%Y-%m-%d").is_ok()
 }
@@ -233,13 +234,13 @@ pub fn fold(folder: &Path) -> Result<RunState, ReadError> {
     journal::fold(&bytes).map(|journal| journal.state).map_err(ReadError::of_journal)
 }
 
-/// The events of a run whose journal [`fold`] found good, in their order.
+/// The events of a run in their order; [`fold`] must have found its journal good.
 ///
 /// # Errors
 /// [`ReadError`].
 pub fn events(folder: &Path) -> Result<Vec<Event>, ReadError> {
     let bytes = journal_of(folder)?;
-    // Of an interrupted run the last line may be cut off; the fold found all others good.
+    // In an interrupted run the last line may be cut off; the fold found all others good.
     Ok(bytes.split_inclusive(|byte| *byte == b'\n').map_while(|line| serde_json::from_slice(line).ok()).collect())
 }
 
@@ -254,7 +255,7 @@ pub fn plan(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, ReadError> {
     for entry in fs::read_dir(&dir).map_err(cannot)?.take(MAX_PLAN_FILES + 1) {
         files.push(entry.map_err(cannot)?.path());
     }
-    // Their names begin with a number of two digits and a mark.
+    // The file names begin with a number of two digits and a mark.
     files.sort();
     if files.is_empty() {
         return Err(ReadError::NoPlan);
@@ -263,10 +264,10 @@ pub fn plan(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, ReadError> {
     files.iter().map(|path| Ok((named(path), fs::read(path).map_err(cannot)?))).collect()
 }
 
-/// A paper as it was filed.
+/// A paper as it was filed: passport or report.
 ///
 /// # Errors
-/// What the system says.
+/// The error of the system.
 pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
     fs::read(folder.join(name))
 }
@@ -280,8 +281,8 @@ fn journal_of(folder: &Path) -> Result<Vec<u8>, ReadError> {
     fs::read(&path).map_err(cannot)
 }
 
-/// What is wrong with a run's folder, as far as this version of the station can tell; nothing if all is as it was
-/// written. A run of a later version cannot be told to be as it was written.
+/// Problems of a run's folder, as far as this version of the station can tell; empty if all is as it was written. For a
+/// run of a later version this cannot be confirmed.
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
     let Verified { mut problems, newer } = check(folder);
@@ -296,7 +297,7 @@ pub fn check(folder: &Path) -> Verified {
         .unwrap_or_else(|error| Verified { problems: vec![gnc_text::with_causes(&error)], ..Verified::default() })
 }
 
-/// What is wrong with the signature of a run's digests.
+/// The problem with the signature of a run's digests, if any.
 #[must_use]
 pub fn verify_signature(folder: &Path, key: &PublicKey) -> Option<String> {
     let read = |name| fs::read(folder.join(name));
@@ -304,7 +305,7 @@ pub fn verify_signature(folder: &Path, key: &PublicKey) -> Option<String> {
         (Ok(digests), Ok(signature)) if key.signed(&digests, &signature) => None,
         (Ok(_), Ok(_)) => Some(format!("{SIGNATURE} is not the signature of {DIGESTS} with this key")),
         (Ok(_), Err(_)) => Some(format!("{SIGNATURE} is missing: the run is not signed")),
-        // That they are missing is said by `verify`.
+        // `verify` reports missing digests.
         (Err(_), _) => None,
     }
 }
@@ -317,7 +318,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
         Err(error) if error.is_newer() => (None, Some(error)),
         Err(error) => return only(gnc_text::with_causes(&error)),
     };
-    // The next start of a run seals it.
+    // The next start seals an interrupted run.
     if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted() && !path.exists()) {
         return only("interrupted: the run has no end, so nothing vouches for it".into());
     }
@@ -331,7 +332,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {
             None => problems.push(format!("{} was added", file.display())),
-            // A link or a device in its place is no file of the record, wherever it leads.
+            // A link or a device in place of the file is not a file of the record, wherever it points.
             Some(_) if !folder.join(&file).symlink_metadata().is_ok_and(|meta| meta.is_file()) => {
                 problems.push(format!("{} was replaced by something that is no file", file.display()));
             }

@@ -1,10 +1,10 @@
-//! Writes a run's record, on a thread of its own so that a slow disk never holds up the link.
+//! Writes a run's record, on a separate thread so that a slow disk never delays the link.
 //!
-//! Where one clock stands for station and bench, which moves when both wait, the disk must not be waited for: there the
-//! record is written by whoever emits an event, and the disk takes no time.
+//! A simulated run may use one clock for station and bench, which moves when both wait. Then nothing may wait for the
+//! disk: the caller that emits an event also writes it, and the disk takes no time on that clock.
 //!
-//! Whoever watches the run hears of an event after it is in the journal, never before. After the first error nothing
-//! more is written or passed on: the journal then ends where the disk ended it.
+//! Watchers of the run receive an event after it is in the journal, never before. After the first error nothing more is
+//! written or passed on: the journal then ends where the disk failed.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -22,26 +22,26 @@ use super::closing::pretty;
 use super::raw::RawThread;
 use super::{ITEM, JOURNAL, PLAN, RawFile, RunFolder, StoreError, closing, folder, item_folder, on, raw_file};
 
-/// Events on their way to the disk: more than the largest item yields at once.
+/// Most events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
 
-/// Hears of an event that is written. `false`: nobody listens any more, or is too far behind.
+/// Receives each written event. `false`: the watcher no longer listens, or is too far behind.
 pub type Watcher = Box<dyn FnMut(&Event) -> bool + Send>;
 
 type Written = oneshot::Sender<Result<(), StoreError>>;
 
-/// Who writes.
+/// Where the writing takes place.
 #[derive(Debug)]
 enum Hand {
     Thread {
         events: mpsc::Sender<(Event, Option<Written>)>,
         thread: JoinHandle<Result<(), StoreError>>,
     },
-    /// Whoever emits an event; nobody any more after an error.
+    /// The caller that emits events writes; `None` after an error.
     Here(Box<Mutex<Option<JournalFile>>>),
 }
 
-/// A handle on the record that is being written.
+/// A handle to the record that is being written.
 #[derive(Debug)]
 pub struct RecordWriter {
     hand: Hand,
@@ -51,8 +51,8 @@ pub struct RecordWriter {
 }
 
 impl RecordWriter {
-    /// Opens the journal in a run's folder, files the plan, and starts to write. Everybody in `watchers` hears of
-    /// what is written.
+    /// Opens the journal in a run's folder, files the plan, and starts to write. Each of the `watchers` receives the
+    /// written events.
     ///
     /// # Errors
     /// [`StoreError`]; nothing was tested yet.
@@ -65,8 +65,8 @@ impl RecordWriter {
         Ok(Self { hand: Hand::Thread { events, thread }, state, folder, raw: Mutex::default() })
     }
 
-    /// As [`RecordWriter::start`], without a thread: an event is on disk when it was emitted. For a clock that goes on while a
-    /// thread is waited for.
+    /// As [`RecordWriter::start`], without a thread: an event is on disk when it is emitted. It is for a clock that
+    /// goes on while the program waits for a thread.
     ///
     /// # Errors
     /// [`StoreError`]; nothing was tested yet.
@@ -88,12 +88,12 @@ impl RecordWriter {
         opening.opened().await
     }
 
-    /// Waits until every raw file is whole, also those that nobody waits for after a stop.
+    /// Waits until every raw file is complete, also those that are no longer awaited after a stop.
     pub async fn raw_files_ended(&self) {
         let threads = std::mem::take(&mut *self.threads());
         let joined = tokio::task::spawn_blocking(|| {
             for thread in threads {
-                // What went wrong is told where the file was written.
+                // The writer of the file has already reported the error.
                 let _ = thread.join();
             }
         });
@@ -104,14 +104,14 @@ impl RecordWriter {
         self.raw.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Where the run's record is.
+    /// The folder of the run's record.
     #[must_use]
     pub fn folder(&self) -> &std::path::Path {
         self.folder.path()
     }
 
-    /// The fold over the events handed over, shared with whoever emits them: a run may have 20,000 items, and one
-    /// copy of what is known of them is enough.
+    /// The fold over the events handed over. The emitting caller shares it: a run may have 20,000 items, and one copy
+    /// of their state is enough.
     #[must_use]
     pub fn state(&self) -> Arc<Mutex<RunState>> {
         Arc::clone(&self.state)
@@ -130,10 +130,10 @@ impl RecordWriter {
         }
     }
 
-    /// Waits until all is on disk and the folder is closed with its digests.
+    /// Waits until everything is on disk and the folder is closed with its digests.
     ///
     /// # Errors
-    /// The first error of the record, if nobody heard of it yet.
+    /// The first error of the record, if it was not reported yet.
     pub async fn close(self) -> Result<(), StoreError> {
         let Hand::Thread { events, thread } = self.hand else { return Ok(()) };
         drop(events);
@@ -156,7 +156,7 @@ enum Room<'a> {
 }
 
 impl<'a> EventSlot<'a> {
-    /// Hands the event over, at once; `sync` asks for word when it is on disk.
+    /// Hands the event over at once; `sync` asks for a notice when it is on disk.
     #[must_use]
     pub fn write(self, event: Event, sync: bool) -> OnItsWay<'a> {
         OnItsWay(match self.0 {
@@ -182,12 +182,12 @@ pub struct OnItsWay<'a>(Way<'a>);
 enum Way<'a> {
     Unawaited,
     Awaited(oneshot::Receiver<Result<(), StoreError>>),
-    /// Not written yet: the fold that the record is made of is still in the hands of whoever emits.
+    /// Not written yet: the emitting caller still holds the fold from which the record is made.
     Here(&'a Mutex<Option<JournalFile>>, Box<Event>, bool),
 }
 
 impl OnItsWay<'_> {
-    /// Waits until it is on disk, if that was asked for.
+    /// Waits until the event is on disk, if that was asked for.
     ///
     /// # Errors
     /// The first error of the record.
@@ -214,9 +214,9 @@ fn closed() -> StoreError {
 /// The open record.
 struct JournalFile {
     folder: RunFolder,
-    /// Held for as long as the run goes on.
+    /// The lock that is held while the run goes on.
     journal: Flock<File>,
-    /// At least up to the event being written; what an event closes does not change after it.
+    /// At least up to the event being written. What an event closes does not change after it.
     state: Arc<Mutex<RunState>>,
     watchers: Vec<Watcher>,
     line: Vec<u8>,
@@ -259,7 +259,7 @@ impl JournalFile {
 
     fn write_and_tell(&mut self, event: &Event, sync: bool) -> Result<(), StoreError> {
         self.write(event, sync)?;
-        // Somebody who no longer listens, or is that far behind, is no reason to stop.
+        // A watcher that no longer listens or is too far behind does not stop the run.
         self.watchers.retain_mut(|watcher| watcher(event));
         Ok(())
     }
@@ -281,7 +281,7 @@ impl JournalFile {
         Ok(())
     }
 
-    /// A folder for the item, with all of its attempts: what was measured, what the slave recorded.
+    /// Files an item in its folder, with all of its attempts: measurements and what the slave recorded.
     fn file_item(&self, item: &str) -> Result<(), StoreError> {
         let (name, file) = {
             let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,9 +1,9 @@
-//! Sends test frames and hears what comes back, on a bus that others may use, keep full, or hold frames back on for
-//! seconds.
+//! Sends test frames and receives the echoes. Other nodes may use the bus or keep it full, and it may hold frames back
+//! for seconds.
 //!
-//! The module sends frames back in the order in which they came, and a fence goes behind all other test frames. So when a fence is
-//! back, nothing that was sent before it is still on its way: what is missing is lost, and what comes belongs to what
-//! is sent from then on.
+//! The module sends frames back in the order in which they came, and a fence is sent behind all other test frames. So
+//! when a fence is back, all frames that were sent before it have left the line. What is missing then is lost, and what
+//! comes later belongs to frames that are sent later.
 
 use std::io;
 use std::time::Duration;
@@ -17,49 +17,50 @@ use tokio::time::{Instant, timeout_at};
 use super::frames::{Mark, Phase};
 use super::ledger::{Ledger, Seen};
 
-/// Frames under way: the oldest controllers hold 64 bytes, which are four frames, and a host that is late loses a fifth.
+/// Frames under way. The oldest controllers hold 64 bytes, which are four frames; with five, a late host loses one.
 const IN_FLIGHT: usize = 4;
-/// What is not back by then does not come: a frame takes 0.3 ms each way, an adapter and a busy computer some 20 ms.
+/// A frame that is not back after this time is lost. A frame takes 0.3 ms each way, an adapter and a busy computer some
+/// 20 ms.
 const QUIET: Duration = Duration::from_millis(250);
-/// Waits in vain after which no more frames are sent: nothing new would be learnt of a bus like this.
+/// Waits in vain after which no more frames are sent: more frames on such a bus would show nothing new.
 const IN_VAIN: usize = 8;
-/// Fences that are sent before it is given up.
+/// Fences that are sent before the exchange is given up.
 const FENCES: usize = 4;
-/// Between two fences.
+/// Time between two fences.
 const FENCE: Duration = Duration::from_millis(500);
 /// Longest wait for a fence while other test frames come.
 const SETTLE: Duration = Duration::from_secs(5);
-/// Looks at counters that do not agree, until they stand still.
+/// Number of looks at counters that disagree, to see whether they still change.
 const LOOKS: usize = 3;
-/// Share of the bus above which its other frames can keep test frames back: they go first.
+/// Share of the bus above which other frames can keep test frames back, since other frames may have priority.
 const BUSY: f64 = 0.1;
 
-/// What was seen of an exchange.
+/// Observations of an exchange.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Observed {
     pub(super) seen: Seen,
-    /// Nothing of before was on its way when it began; else the test frames were not sent at all.
+    /// The line was free of earlier frames when the exchange began; otherwise the test frames were not sent at all.
     pub(super) settled: bool,
-    /// Nothing was on its way any more when it ended.
+    /// The line was free of test frames when the exchange ended.
     pub(super) through: bool,
     pub(super) before: CanCountersReply,
     pub(super) after: CanCountersReply,
-    /// The module's controller received more or fewer frames than it sent back, and that does not change.
+    /// The module's controller received more or fewer frames than it sent back, and the counts no longer change.
     pub(super) keeps_back: bool,
-    /// What came of frames that were sent one by one, where the others leave a question open.
+    /// Results of frames that were sent one by one, if the others leave a question open.
     pub(super) alone: Alone,
-    /// Frames under test ids that came although nothing but fences was sent.
+    /// Frames under test ids that came although only fences were sent.
     pub(super) stale: u64,
     /// All other frames on the bus meanwhile.
     pub(super) others: Traffic,
     pub(super) span: Duration,
 }
 
-/// What came of frames of which the next one was sent when the last one was back, or did not come.
+/// Results of frames sent one by one: the next frame was sent when the last one was back or was given up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Alone {
     pub(super) out_of_order: u64,
-    /// They had the mark of this exchange, and their id, length or content was another one.
+    /// Frames with the mark of this exchange whose id, length or content is different.
     pub(super) altered: u64,
 }
 
@@ -69,10 +70,10 @@ impl Observed {
         self.after.received.wrapping_sub(self.before.received)
     }
 
-    /// Whether the module's controller received more frames than it sent back, or sent others beside those.
+    /// Whether the module's controller received more frames than it sent back, or sent additional frames.
     fn is_unbalanced(&self) -> bool {
         let echoed = self.after.echoed.wrapping_sub(self.before.echoed);
-        // What waited in the module when the exchange began is in its whole numbers alone.
+        // Frames that waited in the module when the exchange began show only in the total counts.
         let waits = self.after.received != self.after.echoed;
         waits && (!self.settled || self.received() != echoed)
     }
@@ -83,13 +84,13 @@ impl Observed {
         if bits > 0.0 { (self.others.bits as f64 / bits).min(1.0) } else { 0.0 }
     }
 
-    /// Whether the other frames can have kept test frames back.
+    /// Whether the other frames may have kept test frames back.
     pub(super) fn is_busy(&self) -> bool {
         !self.through && self.busy_share() > BUSY
     }
 }
 
-/// Sends the test frames; `counters` asks for those of the module's controller.
+/// Sends the test frames; `counters` reads the counters of the module's controller.
 pub(super) async fn observe<E: From<io::Error>>(
     tap: &Tap,
     mark: Mark,
@@ -103,7 +104,7 @@ pub(super) async fn observe<E: From<io::Error>>(
     let fences = line.settle(Phase::Before).await?;
     seen.settled = fences.is_back;
     if seen.settled {
-        // What came up to now was of before.
+        // Frames up to now belong to an earlier exchange.
         line.ledger = Ledger::new(&mark.test_frames());
         seen.before = counters().await?;
         line.exchange(IN_FLIGHT).await?;
@@ -114,7 +115,7 @@ pub(super) async fn observe<E: From<io::Error>>(
         if seen.keeps_back || !seen.is_unbalanced() {
             break;
         }
-        // What the module received just now it may be about to send.
+        // The module may still have to send back what it received just now.
         line.listen(QUIET).await?;
         let before = std::mem::replace(&mut seen.after, counters().await?);
         let moved = (before.received, before.echoed) != (seen.after.received, seen.after.echoed);
@@ -139,17 +140,17 @@ struct Fences {
     is_back: bool,
 }
 
-/// The bus, and what came of the frames of one exchange.
+/// The bus, and the results of the frames of one exchange.
 struct BusExchange<'a> {
     tap: &'a Tap,
     mark: Mark,
     ledger: Ledger,
-    /// Frames with the mark of this exchange that are none of its frames, nor one of them once more.
+    /// Frames with the mark of this exchange that are neither its frames nor repetitions of them.
     marked: u64,
 }
 
 impl BusExchange<'_> {
-    /// Sends fences until one is back, and waits for what a module may have kept back behind it. While other test
+    /// Sends fences until one is back. Then waits for frames that the module may send behind it. While other test
     /// frames come, the fence may still be behind them.
     async fn settle(&mut self, phase: Phase) -> io::Result<Fences> {
         let mut fences = Fences { sent: 0, is_back: false };
@@ -178,7 +179,7 @@ impl BusExchange<'_> {
         Ok(fences)
     }
 
-    /// Sends all frames, so many at a time.
+    /// Sends all frames and keeps at most `in_flight` of them under way.
     async fn exchange(&mut self, in_flight: usize) -> io::Result<()> {
         let mut in_vain = 0;
         while in_vain < IN_VAIN
@@ -190,7 +191,7 @@ impl BusExchange<'_> {
                 match self.next(until).await? {
                     Some(frame) if self.note(&frame) => (in_vain, until) = (0, Instant::now() + QUIET),
                     Some(_) => {}
-                    // All of them are lost, or late: the next ones must not wait for them too.
+                    // All frames under way are lost or late: the next ones must not wait for them too.
                     None => {
                         self.ledger.give_up();
                         in_vain += 1;
@@ -201,7 +202,7 @@ impl BusExchange<'_> {
         Ok(())
     }
 
-    /// Hears what comes until nothing of this exchange has come for so long.
+    /// Receives frames until no frame of this exchange has come for this time.
     async fn listen(&mut self, quiet: Duration) -> io::Result<()> {
         let latest = Instant::now() + SETTLE;
         let mut until = Instant::now() + quiet;
@@ -213,7 +214,7 @@ impl BusExchange<'_> {
         Ok(())
     }
 
-    /// Sends marked frames one by one: an adapter or a driver that lets one frame pass another does so for
+    /// Sends marked frames one by one. An adapter or a driver that lets one frame pass another does so only within
     /// milliseconds, and only this station sends frames with the mark.
     async fn single_file(&mut self) -> io::Result<Alone> {
         let frames = self.mark.single_frames();
@@ -224,21 +225,21 @@ impl BusExchange<'_> {
         Ok(Alone { out_of_order, altered: altered + alone.marked })
     }
 
-    /// Files a frame. Whether it is one of this exchange that was waited for.
+    /// Files a frame. Returns whether it is an awaited frame of this exchange.
     fn note(&mut self, frame: &CanFrame) -> bool {
         if Phase::ALL.iter().any(|phase| self.mark.is_fence(*phase, frame)) {
             return false;
         }
         let is_waited_for = self.ledger.note(frame);
-        // An adapter may tell of a frame twice, and the second one is as good as the first.
+        // An adapter may report a frame twice; the second report is not an altered frame.
         let is_altered = !is_waited_for && is_echo(frame.id()) && !self.ledger.holds(frame);
         self.marked += u64::from(is_altered && self.mark.is_single(frame));
         is_waited_for
     }
 
-    /// The next frame, up to a moment.
+    /// The next frame, or `None` at this time.
     async fn next(&self, until: Instant) -> io::Result<Option<CanFrame>> {
-        // A bus that never falls silent does not hold the time up.
+        // A bus that is never silent must not delay the end of the wait.
         if Instant::now() >= until {
             return Ok(None);
         }

@@ -1,10 +1,10 @@
-//! The test frames of the item `can`. Each exchange has a mark of its own, which tells its frames from all others.
+//! The test frames of the item `can`. Each exchange has its own mark, which tells its frames from all others.
 
 use gnc_protocol::can::id::{ECHO_EXTENDED, ECHO_STANDARD};
 use gnc_protocol::can::{CanFrame, CanId};
 use gnc_protocol::pattern::Xorshift32;
 
-/// Times that the whole set is sent.
+/// How often the whole set is sent.
 const ROUNDS: u32 = 3;
 /// Frames of the set.
 const SET: u32 = 72;
@@ -15,11 +15,11 @@ const STEP: u32 = 1021;
 /// The id of fences: the last of the test ids on the bus, so that no test frame waits behind one.
 const FENCE: CanId = CanId::Standard(ECHO_STANDARD + 0xf);
 
-/// Drawn anew for each exchange: no other one, of this station or of another, has it but by chance.
+/// Drawn anew for each exchange. Another exchange, of this station or another one, has the same mark only by chance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Mark(pub(super) u32);
 
-/// The parts of an exchange, each of which ends or begins with a fence.
+/// The parts of an exchange. A fence begins or ends each of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Phase {
     /// Before the test frames.
@@ -33,13 +33,13 @@ impl Phase {
 }
 
 impl Mark {
-    /// Extended ids of an exchange begin anywhere in their range.
+    /// Extended ids of an exchange begin at any place in their range.
     fn extended(self, index: u32) -> CanId {
         CanId::Extended(ECHO_EXTENDED + (self.0 % 0x1_0000 + index * STEP) % 0x1_0000)
     }
 
-    /// Both kinds of ids with every length and four fillings. No two are alike, nor have both id and length in common,
-    /// so that each that comes back is known for what it is.
+    /// Both kinds of ids with every length and four fillings. Two frames never have the same id and the same length, so
+    /// each echo can be assigned to its frame.
     pub(super) fn test_frames(self) -> Vec<CanFrame> {
         let mut mixed = Xorshift32::new(self.0 | 1);
         let mut frames = Vec::new();
@@ -64,7 +64,8 @@ impl Mark {
         frames
     }
 
-    /// Frames to be sent one by one. Their ids ascend: a controller that sends the lowest id first keeps their order.
+    /// Frames that are sent one by one. Their ids ascend: a controller that sends the lowest id first keeps their
+    /// order.
     pub(super) fn single_frames(self) -> Vec<CanFrame> {
         let mut ids: Vec<CanId> = (0..SINGLE).map(|number| self.extended(ROUNDS * SET + number)).collect();
         ids.sort_by_key(|id| match id {
@@ -76,14 +77,14 @@ impl Mark {
         ids.into_iter().filter_map(|id| CanFrame::new(id, &data)).collect()
     }
 
-    /// The frame behind which nothing that was sent before is still on its way. It has the mark twice, so that a module
-    /// that alters bytes does not hide it; each phase of an exchange has its own.
+    /// The fence: when it is back, all frames that were sent before it have left the line. It has the mark twice, so
+    /// that a module that alters bytes does not hide it. Each phase of an exchange has its own fence.
     pub(super) fn fence(self, phase: Phase) -> Option<CanFrame> {
         let mark = u64::from(self.of(phase));
         CanFrame::new(FENCE, &(!mark << 32 | mark).to_le_bytes())
     }
 
-    /// Whether a frame is a fence of a phase, were one of its halves altered.
+    /// Whether a frame is a fence of a phase, even if one of its halves is altered.
     pub(super) fn is_fence(self, phase: Phase, frame: &CanFrame) -> bool {
         let Ok(data) = <[u8; 8]>::try_from(frame.data()) else { return false };
         let (whole, mark) = (u64::from_le_bytes(data), self.of(phase));
@@ -94,7 +95,7 @@ impl Mark {
         self.0.wrapping_add((phase as u32).wrapping_mul(0x9e37_79b9))
     }
 
-    /// Whether a frame that came back is one of the single ones, whatever else became of it.
+    /// Whether a frame that came back is one of the single frames, even if it is altered.
     pub(super) fn is_single(self, frame: &CanFrame) -> bool {
         frame.data().starts_with(&self.0.to_le_bytes())
     }
@@ -131,7 +132,7 @@ mod tests {
         }
     }
 
-    /// Neither a single frame nor a fence is taken for anything else of its exchange, or of one with another mark.
+    /// A single frame or a fence is never taken for another frame of its exchange or for a frame with another mark.
     #[test]
     fn all_frames_of_an_exchange_are_told_apart() {
         for mark in MARKS.map(Mark) {

@@ -3,21 +3,21 @@
 use gnc_protocol::can::id::{echo_of, is_echo};
 use gnc_protocol::can::{CanFrame, CanId};
 
-/// What happened to the frames on their way.
+/// Counts of what happened to the frames on their way.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Seen {
     pub(super) sent: u64,
-    /// Not sent at all, since nothing came back any more.
+    /// Frames that were not sent, since no more echoes came.
     pub(super) unsent: u64,
     pub(super) lost: u64,
-    /// Came back under their id and length with another content, in place of the frame that was sent.
+    /// Frames that came back under their id and length with another content, in place of the frame that was sent.
     pub(super) altered: u64,
     pub(super) out_of_order: u64,
-    /// More often than they were sent.
+    /// Frames that came back more often than they were sent.
     pub(super) twice: u64,
-    /// Under an id of the module, but no frame of this exchange sent back: another module or station sent them, or
-    /// this module altered their id or length. Standard frames of another content are among them where there are
-    /// others, or other test frames: another station may use the same sixteen ids.
+    /// Frames under an id of the module that are not echoes of this exchange: another module or station sent them, or
+    /// this module altered their id or length. If there are such frames or other test frames, standard frames of
+    /// another content count here too: another station may use the same sixteen ids.
     pub(super) strange: u64,
     /// Test frames of another station.
     pub(super) foreign: u64,
@@ -35,7 +35,7 @@ struct Entry {
 enum Fate {
     ToSend,
     UnderWay,
-    /// Not back in time; it may still come.
+    /// Not back in time; it may come later.
     Late,
     /// Its id and length came back with another content.
     Altered,
@@ -54,7 +54,7 @@ pub(super) struct Ledger {
 }
 
 impl Ledger {
-    /// No two of the frames have both id and length in common.
+    /// Two of the frames never have both id and length in common.
     pub(super) fn new(frames: &[CanFrame]) -> Self {
         let entry = |frame: &CanFrame| {
             let echo = echo_of(frame.id()).and_then(|id| CanFrame::new(id, frame.data()));
@@ -64,14 +64,14 @@ impl Ledger {
         Self { entries, latest: 0, out_of_order: 0, twice: 0, strange: 0, foreign: 0 }
     }
 
-    /// The next frame to send; it is under way from now on.
+    /// Returns the next frame to send; it is under way from now on.
     pub(super) fn send_next(&mut self) -> Option<CanFrame> {
         let entry = self.entries.iter_mut().find(|entry| entry.fate == Fate::ToSend)?;
         entry.fate = Fate::UnderWay;
         Some(entry.sent)
     }
 
-    /// Frames that are waited for.
+    /// Number of frames that are awaited.
     pub(super) fn under_way(&self) -> usize {
         self.count(Fate::UnderWay) as usize
     }
@@ -81,17 +81,17 @@ impl Ledger {
         self.entries.iter().all(|entry| !matches!(entry.fate, Fate::UnderWay | Fate::Late))
     }
 
-    /// What is under way is waited for no longer.
+    /// Stops waiting for the frames under way.
     pub(super) fn give_up(&mut self) {
         for entry in self.entries.iter_mut().filter(|entry| entry.fate == Fate::UnderWay) {
             entry.fate = Fate::Late;
         }
     }
 
-    /// A frame came under a test id. Whether it is one that was waited for.
+    /// Notes a frame under a test id. Returns whether it was awaited.
     pub(super) fn note(&mut self, frame: &CanFrame) -> bool {
         if !is_echo(frame.id()) {
-            // Some adapters repeat what their own computer sends.
+            // Some adapters repeat frames that their own computer sends.
             let own = self.entries.iter().any(|entry| entry.fate != Fate::ToSend && entry.sent == *frame);
             self.foreign += u64::from(!own);
             return false;
@@ -110,7 +110,7 @@ impl Ledger {
             (true, Fate::Back) => self.twice += 1,
             (true, before) => {
                 entry.fate = Fate::Back;
-                // It is there in full: another node sent what came in its place.
+                // The frame is back in full: another node sent the frame that came in its place.
                 self.strange += u64::from(before == Fate::Altered);
                 self.out_of_order += u64::from(at < self.latest);
                 self.latest = self.latest.max(at);
@@ -121,12 +121,12 @@ impl Ledger {
         was_missing
     }
 
-    /// Whether a frame is one that was sent, come back as it was: for the first time or once more.
+    /// Whether a frame is an unaltered echo of a frame that was sent, for the first time or repeated.
     pub(super) fn holds(&self, frame: &CanFrame) -> bool {
         self.entries.iter().any(|entry| entry.fate != Fate::ToSend && entry.echo == Some(*frame))
     }
 
-    /// What happened up to now.
+    /// The counts up to now.
     pub(super) fn seen(&self) -> Seen {
         let Self { out_of_order, twice, strange, foreign, .. } = *self;
         let altered = |entry: &&Entry| entry.fate == Fate::Altered;
@@ -201,7 +201,7 @@ mod tests {
         }
     }
 
-    /// A frame that is there in full was not altered, whatever else came under its id.
+    /// A frame that is back in full was not altered, even if other frames came under its id.
     #[test]
     fn what_others_send_is_no_alteration() {
         let all = Seen { sent: 216, ..Seen::default() };
@@ -214,18 +214,19 @@ mod tests {
                 assert_eq!(seen(&returned), Seen { strange: 1, ..all });
             }
         }
-        // The set of another exchange, as it comes late: its extended frames are of no use to this one.
+        // The set of another exchange, which comes late: its extended frames do not belong to this exchange.
         let late = Mark(0x55aa).test_frames();
         let extended: Vec<CanFrame> =
             late.iter().filter(|frame| matches!(frame.id(), CanId::Extended(_))).map(echo).collect();
         assert_eq!(seen(&extended), Seen { lost: 216, strange: 108, ..all });
-        // A test frame of another station. Its own, which an adapter repeats, is not one.
+        // A test frame of another station. The station's own frame, repeated by an adapter, does not count as one.
         let mut shared = good.clone();
         shared.extend([Mark(7).test_frames()[0], late[60]]);
         assert_eq!(seen(&shared), Seen { foreign: 1, ..all });
     }
 
-    /// Beside strangers an altered standard frame may be one of theirs; an extended one of this exchange is not.
+    /// Beside strangers an altered standard frame may be one of theirs. An altered extended frame of this exchange may
+    /// not.
     #[test]
     fn beside_strangers_only_extended_frames_are_altered_for_certain() {
         let stranger = CanFrame::new(CanId::Standard(0x71f), &[]).unwrap();
@@ -246,7 +247,7 @@ mod tests {
         assert_eq!((ledger.under_way(), ledger.is_complete(), ledger.seen().lost), (0, false, 4));
         echoes()[..4].iter().for_each(|frame| assert!(ledger.note(frame)));
         assert_eq!((ledger.is_complete(), ledger.seen()), (true, Seen { sent: 4, unsent: 212, ..Seen::default() }));
-        // One that was not sent yet cannot be back.
+        // A frame that was not sent yet cannot be back.
         assert!(!ledger.note(&echoes()[4]));
         assert_eq!(ledger.seen().strange, 1);
     }

@@ -1,4 +1,4 @@
-//! The exchange on a bus in memory, on which others send too, frames are held back, and modules have faults.
+//! Tests the exchange on a bus in memory: others send too, frames are held back, and modules have faults.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -20,23 +20,23 @@ use crate::procedure::ProcedureError;
 /// Frames of eight bytes that a bus of 500 kbit/s carries in a tick, the shortest time that a paused clock knows.
 const SLOTS: usize = 4;
 const TICK: Duration = Duration::from_millis(1);
-/// From the first attempt to the second one, as a station begins it.
+/// Time from the first attempt to the second one, as a station begins it.
 const BETWEEN: Duration = Duration::from_millis(50);
 const FOREVER: Range<u64> = 0..u64::MAX;
 
-/// What is unusual about the bus and the module; every so many frames something happens, 0: never.
+/// What is unusual about the bus and the module. A field `*_every` is a number of frames between two events; 0: never.
 #[derive(Debug, Clone, Default)]
 struct Unusual {
-    /// A node with this id sends as many frames as the bus takes, from and to a millisecond.
+    /// A node with this id fills the bus with frames during this range of milliseconds.
     flood: Option<(u16, Range<u64>)>,
-    /// What the module sends reaches the host so many milliseconds later, from and to a millisecond.
+    /// Frames of the module reach the host so many milliseconds late, during this range of milliseconds.
     late: Option<(u64, Range<u64>)>,
-    /// A node sends this frame every ten milliseconds; where it is a test frame, the module answers.
+    /// A node sends this frame every ten milliseconds. The module answers if it is a test frame.
     intruder: Option<CanFrame>,
-    /// The adapter repeats to its computer what that sends.
+    /// The adapter repeats to its computer the frames that the computer sends.
     adapter_repeats: bool,
     line_loses_every: u32,
-    /// The adapter tells its computer of a frame twice.
+    /// The adapter reports a frame to its computer twice.
     line_doubles_every: u32,
     /// The adapter lets a frame pass the one before it.
     line_swaps_every: u32,
@@ -51,7 +51,7 @@ struct Unusual {
     module_counts: bool,
 }
 
-/// The module and the bus, which carries one frame in each slot: the lowest id of those that wait.
+/// The module and the bus. The bus carries one frame in each slot: the lowest id of those that wait.
 #[derive(Debug, Default)]
 struct World {
     unusual: Unusual,
@@ -157,7 +157,7 @@ fn frame(id: CanId, data: &[u8]) -> CanFrame {
     CanFrame::new(id, data).unwrap()
 }
 
-/// The lower, the sooner on the bus.
+/// The priority of an id: a lower rank is sent first.
 fn rank(id: CanId) -> u32 {
     match id {
         CanId::Standard(id) => u32::from(id) << 19,
@@ -174,7 +174,7 @@ async fn live(world: &RefCell<World>, mut end: MemoryEnd) -> io::Error {
             world.from_host.extend(std::iter::from_fn(|| end.from_host.try_recv().ok()));
             (0..SLOTS).for_each(|_| world.step(now));
             while let Some((_, frame)) = world.to_host.pop_front_if(|(due, _)| *due <= now) {
-                // What an adapter cannot hold is lost.
+                // A frame that the adapter cannot hold is lost.
                 let _ = end.to_host.try_send(frame);
             }
         }
@@ -182,7 +182,7 @@ async fn live(world: &RefCell<World>, mut end: MemoryEnd) -> io::Error {
     }
 }
 
-/// How an attempt ends by the plan's limits, and what is said of it.
+/// How an attempt ends by the plan's limits, and its message.
 #[derive(Debug)]
 struct Ended {
     outcome: &'static str,
@@ -229,7 +229,7 @@ async fn check(unusual: Unusual, expected: [&str; 2]) -> [Ended; 2] {
     ended
 }
 
-/// What is the module's is found on a quiet bus, in the first attempt and in the second one.
+/// Faults of the module are found on a quiet bus, in the first attempt and in the second one.
 #[tokio::test(start_paused = true)]
 async fn faults_of_the_module_fail() {
     check(Unusual::default(), ["passed"; 2]).await;
@@ -250,10 +250,10 @@ async fn faults_of_the_module_fail() {
     assert!(Observed { after: off, ..Observed::default() }.is_module_at_fault(0));
 }
 
-/// A good module never fails, whatever keeps its frames back and whenever that ends.
+/// A good module never fails, whatever keeps its frames back and however long.
 #[tokio::test(start_paused = true)]
 async fn a_full_bus_is_not_the_modules_fault() {
-    // Beside 0x6ff extended test frames pass and standard ones wait; beside 0x100 all of them do.
+    // Beside 0x6ff extended test frames pass and standard ones wait; beside 0x100 all test frames wait.
     for id in [0x100, 0x6ff] {
         let [first, second] = check(Unusual { flood: Some((id, FOREVER)), ..Unusual::default() }, ["errored"; 2]).await;
         let text = first.doubt.map(|doubt| doubt.to_string()).unwrap_or_default();
@@ -270,7 +270,8 @@ async fn a_full_bus_is_not_the_modules_fault() {
     }
 }
 
-/// Frames of the first attempt that come in the second one are neither altered nor make good what is lost there.
+/// Frames of the first attempt that come in the second one do not count as altered and do not replace lost frames
+/// there.
 #[tokio::test(start_paused = true)]
 async fn frames_that_come_seconds_late_are_no_alteration() {
     for begins_ms in [0, 40] {
@@ -279,7 +280,7 @@ async fn frames_that_come_seconds_late_are_no_alteration() {
             let ended = attempts(Unusual { late: late.clone(), ..Unusual::default() }).await;
             let outcomes = [ended[0].outcome, ended[1].outcome];
             assert!(!outcomes.contains(&"failed"), "{late:?}: {ended:#?}");
-            // The line loses one frame of the second attempt beside it.
+            // In addition the line loses one frame of the second attempt.
             let ended = attempts(Unusual { late, line_loses_every: 211, ..Unusual::default() }).await;
             let [_, second] = &ended;
             assert!(second.outcome != "failed" && (second.outcome == "errored" || second.observed.seen.lost == 0));
@@ -287,8 +288,8 @@ async fn frames_that_come_seconds_late_are_no_alteration() {
     }
 }
 
-/// A bus that stands still until the exchange is given up, and then moves again, tests fewer frames: a module that alters
-/// a later one does not pass.
+/// A bus stands still until the exchange is given up, and then moves again. Fewer frames are tested, so a module that
+/// alters a later frame does not pass.
 #[tokio::test(start_paused = true)]
 async fn an_exchange_that_was_given_up_is_no_pass() {
     let mut given_up = 0;
@@ -303,7 +304,7 @@ async fn an_exchange_that_was_given_up_is_no_pass() {
     assert!(given_up > 0, "no exchange was given up without a loss");
 }
 
-/// Other stations and modules on the same bus: what they send is neither a fault of this module nor a frame of it.
+/// Other stations and modules on the same bus: their frames are not faults of this module and not its frames.
 #[tokio::test(start_paused = true)]
 async fn what_others_send_under_test_ids_is_told() {
     let strangers = [
@@ -320,7 +321,7 @@ async fn what_others_send_under_test_ids_is_told() {
             let [first, _] = check(unusual, ["errored"; 2]).await;
             assert!(matches!(first.doubt, Some(ProcedureError::TestIdsShared { .. })), "{first:?}");
         }
-        // What this module does is found all the same.
+        // Faults of this module are still found.
         for module_flips_every in [7, 40] {
             let unusual = Unusual { intruder: Some(intruder), module_flips_every, ..Unusual::default() };
             check(unusual, ["failed"; 2]).await;
@@ -336,8 +337,8 @@ async fn what_the_line_loses_is_errored() {
     }
 }
 
-/// An adapter or its driver that tells of frames twice and in another order does so to the frames that are sent one by one
-/// as well: none of them is altered.
+/// An adapter or its driver reports frames twice and in another order. It does so for the frames that are sent one by
+/// one as well: they do not count as altered.
 #[tokio::test(start_paused = true)]
 async fn what_the_line_doubles_and_swaps_is_errored() {
     for line_doubles_every in [0, 2, 10, 50] {

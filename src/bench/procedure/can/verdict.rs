@@ -1,6 +1,6 @@
-//! Whose fault is what is missing? The module's where its own controller tells of it, where a frame comes back altered,
-//! where two change places although only one was on its way, and where it keeps back what it received although the bus
-//! is free. All else may be the line, the adapter, this computer or another node on the bus.
+//! Decides whether the module is at fault for missing frames. It is at fault if its own controller counts errors, if a
+//! frame comes back altered, if two frames change places although only one was under way, or if it keeps back received
+//! frames although the bus is free. All else may be the line, the adapter, this computer or another node on the bus.
 
 use gnc_protocol::message::CanState;
 
@@ -8,12 +8,12 @@ use super::exchange::Observed;
 use crate::procedure::ProcedureError;
 
 impl Observed {
-    /// Whether what was seen is the module's doing.
+    /// Whether the module caused what was seen.
     pub(super) fn is_module_at_fault(&self, lost_by_host: u64) -> bool {
         let after = &self.after;
         let counts_errors = after.tx_errors > 0 || after.rx_errors > 0 || after.state != CanState::ErrorActive as u8;
-        // A module that answers other stations too, waits for the bus, or whose frames this computer does not hear, is
-        // no worse for it.
+        // A module is not at fault if it also answers other stations, waits for the bus, or if this computer misses its
+        // frames.
         let undisturbed = self.seen.foreign == 0 && (self.through || (!self.is_busy() && lost_by_host == 0));
         counts_errors
             || self.seen.altered > 0
@@ -22,7 +22,7 @@ impl Observed {
             || (self.keeps_back && undisturbed)
     }
 
-    /// Why nothing can be said of a module that is not at fault; `None`: there is no doubt.
+    /// Why the station cannot judge a module that is not at fault; `None`: there is no doubt.
     pub(super) fn doubt(&self, by_host: u64) -> Option<ProcedureError> {
         let seen = &self.seen;
         let (sent, lost, astray) = (seen.sent, seen.lost, seen.out_of_order + seen.twice);

@@ -1,4 +1,5 @@
-//! Compensated samples as a perfect sensor would have told them raw: what watches over motion and range knows no other.
+//! Compensated samples as a perfect sensor would have given them raw. The checks of motion and range know only raw
+//! samples.
 
 use gnc_protocol::calibration::{CompensatedSample, FIELD_PER_GAUSS, FORCE_PER_MPS2, RATE_PER_RPS};
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB_PER_GAUSS, SATURATION};
@@ -6,7 +7,7 @@ use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB
 /// Metres per second squared of a g.
 const G_MPS2: f64 = 9.806_65;
 
-/// Raw counts at nominal scale; a channel that was saturated stays so.
+/// Raw counts at nominal scale; a saturated channel stays saturated.
 pub(super) fn nominal(sample: &CompensatedSample) -> ImuSample {
     let counts = |values: &[i32; 3], scale: f64, bit: usize| {
         std::array::from_fn(|axis| {

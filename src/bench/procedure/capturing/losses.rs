@@ -1,4 +1,4 @@
-//! Words for samples that are missing.
+//! Error messages for missing samples.
 
 use gnc_analysis::capture::CaptureHead;
 use gnc_protocol::stream::Losses;
@@ -11,8 +11,7 @@ pub(super) fn gap(about: &CaptureHead, after: usize, losses: Losses) -> Procedur
     ProcedureError::CaptureLost { label: about.label.clone(), after: after as u32, at_s, losses }
 }
 
-/// No sample came while the board's clock went on: those that are wanted and not here were lost on the line, or were
-/// never made.
+/// No sample came while the board's clock went on: the missing samples were lost on the line, or were never made.
 pub(super) fn silent(about: &CaptureHead, after: usize, wanted: u32, losses: Losses) -> ProcedureError {
     let missing = wanted.saturating_sub(after as u32).saturating_sub(losses.on_board);
     gap(about, after, Losses { on_line: losses.on_line.max(missing).max(1), ..losses })

@@ -1,4 +1,4 @@
-//! What the satellite receiver says, byte by byte, and its pulses.
+//! Captures the bytes of the satellite receiver and its pulses.
 
 use gnc_analysis::capture::{Capture, CaptureHead, HostView, ReceiverCapture, Said, Timing};
 use gnc_board::stream::Stream;
@@ -10,8 +10,8 @@ use gnc_records::raw::Piece;
 
 use super::{ProcedureError, ProgramCapture};
 
-/// Listens until so much board time after the first fix is over, or the time for a fix is; what it means is for the
-/// analysis.
+/// Listens until this board time has passed since the first fix, or the time limit for a fix is over. The analysis
+/// works out what the bytes mean.
 pub(super) async fn capture(
     capture: &mut ProgramCapture<'_>,
     about: &CaptureHead,
@@ -29,7 +29,7 @@ pub(super) async fn capture(
     let mut ear =
         Ear { heard: ReceiverCapture::default(), sentences: Sentences::default(), began_us: None, fixed_us: None };
     ear.listen(capture, &mut bytes, &mut pulses, timeout_s, span_s).await?;
-    // Of the window everything came, or it is told.
+    // All bytes and pulses of the window are here, or their loss is reported.
     let losses = sum(bytes.losses(), pulses.losses());
     let end_us = bytes.board_time_us();
     tokio::try_join!(board.stop_stream(bytes), board.stop_stream(pulses))?;
@@ -52,7 +52,7 @@ pub(super) async fn capture(
     Ok(())
 }
 
-/// Bytes and edges together: of either one that is missing spoils the figure.
+/// Losses of bytes and edges together: one missing byte or edge spoils the figure.
 fn sum(bytes: Losses, pulses: Losses) -> Losses {
     Losses {
         received: bytes.received.saturating_add(pulses.received),
@@ -81,7 +81,7 @@ impl Ear {
             let now_us = tokio::select! {
                 frame = bytes.next() => match frame? {
                     Some(frame) => self.said(capture, &frame).await?,
-                    // It is mute while the board's clock goes on.
+                    // The receiver is mute while the board's clock goes on.
                     None => bytes.board_time_us(),
                 },
                 frame = pulses.next() => {

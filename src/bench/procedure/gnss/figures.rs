@@ -1,4 +1,4 @@
-//! What is measured of what the receiver said. A figure that does not exist is not given, and the reason is.
+//! Measurements from what the receiver said. A figure that does not exist is left out, and its reason is filed.
 
 use chrono::NaiveDate;
 use gnc_analysis::figures::Findings;
@@ -22,7 +22,7 @@ use crate::recorder::Recorder;
 const EARTH_RADIUS_M: f64 = 6_378_137.0;
 const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_14e-3;
 
-/// Older than any run of this program; a receiver that counts its weeks wrongly is 19.6 years away.
+/// Earlier than any run of this program. A receiver that counts its weeks wrongly is 19.6 years off.
 const EARLIEST: NaiveDate = match NaiveDate::from_ymd_opt(2026, 1, 1) {
     Some(date) => date,
     None => NaiveDate::MIN,
@@ -43,7 +43,7 @@ pub(super) async fn file(
         return Ok(recorder.text(&FIX_TYPE, &without_fix(heard)).await?);
     };
     recorder.text(&FIX_TYPE, fix_type(&heard.fixes, heard.fixes_lost)).await?;
-    // Of a broken sentence nothing is known, but those of other epochs say it too.
+    // A broken sentence gives no date, but those of other epochs do.
     match newest(&heard.fixes, |epoch| epoch.date) {
         Some(date) => recorder.count(&WEEK_ROLLOVERS, week_rollovers(date)).await?,
         None => recorder.not_available(&WEEK_ROLLOVERS, "the receiver says no date").await?,
@@ -77,7 +77,7 @@ pub(super) async fn file(
 
 /// The board's clock against the pulses. Later items take it for their sample clock.
 async fn board_clock(heard: &Heard, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
-    // Of a receiver whose fix came and went the pulses are no reference.
+    // If the fix came and went, the pulses are not a reference.
     let clock = if fix_type(&heard.fixes, heard.fixes_lost) == Fix::ThreeD.name() {
         BoardClock::of_pulses(&heard.pulses_ns)
     } else {
@@ -92,7 +92,7 @@ async fn board_clock(heard: &Heard, recorder: &Recorder<'_>) -> Result<(), Proce
     }
 }
 
-/// What is known of a receiver with a fix or without.
+/// Files what is known of a receiver, with or without a fix.
 async fn said(heard: &Heard, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
     let counts = heard.sentences.counts();
     recorder.count(&SENTENCE_ERRORS, counts.errors.into()).await?;
@@ -112,7 +112,7 @@ async fn said(heard: &Heard, recorder: &Recorder<'_>) -> Result<(), ProcedureErr
 fn without_fix(heard: &Heard) -> String {
     let sentences = &heard.sentences;
     match (&heard.without_fix, sentences.fault(), sentences.foreign()) {
-        // Of sentences that cannot be no epoch comes, or one that is void.
+        // Impossible sentences give no epoch or a void one.
         (None, Some(fault), _) | (_, Some(fault @ SentenceFault::Void { .. }), _) => format!("none ({fault})"),
         (Some(epoch), ..) => epoch.fix.name().to_owned(),
         (None, None, foreign) if foreign.is_empty() => "none (no sentence heard)".to_owned(),
@@ -120,8 +120,8 @@ fn without_fix(heard: &Heard) -> String {
     }
 }
 
-/// Of all epochs the worst counts: one without a fix in the window is none, and one whose dimensions are not known is no
-/// 3D fix. Those before the first GSA are not charged: it comes with every so many epochs.
+/// The worst epoch counts: an epoch without a fix in the window means no fix, and an epoch with unknown dimensions is
+/// not a 3D fix. Epochs before the first GSA do not count: a GSA comes only with every few epochs.
 fn fix_type(fixes: &[Epoch], lost: u32) -> &'static str {
     if lost > 0 {
         return "lost";
@@ -141,7 +141,7 @@ async fn place(
     site: Option<SitePlace>,
     recorder: &Recorder<'_>,
 ) -> Result<(), ProcedureError> {
-    // The average of 179.9 and -179.9 degrees is 180, not 0: all are counted from the last one.
+    // The average of 179.9 and -179.9 degrees is 180, not 0: so all differences are taken from the last longitude.
     let from_deg = last.longitude_deg.unwrap_or_default();
     let off_deg = average(fixes, |epoch| epoch.longitude_deg.map(|deg| short_way_deg(deg - from_deg)));
     let here = average(fixes, |epoch| epoch.latitude_deg).zip(off_deg.map(|off_deg| short_way_deg(from_deg + off_deg)));
@@ -173,24 +173,25 @@ async fn place(
     }
 }
 
-/// Over the epochs that tell it.
+/// The average over the epochs that have the value.
 fn average(fixes: &[Epoch], pick: impl Fn(&Epoch) -> Option<f64>) -> Option<f64> {
     let told: Vec<f64> = fixes.iter().filter_map(pick).collect();
     (!told.is_empty()).then(|| mean(&told))
 }
 
-/// Of the last epoch that tells it.
+/// The value of the last epoch that has it.
 fn newest<T>(fixes: &[Epoch], pick: impl Fn(&Epoch) -> Option<T>) -> Option<T> {
     fixes.iter().rev().find_map(pick)
 }
 
-/// By how many turns of the 10-bit GPS week a date is too early, at least: no module is tested before [`EARLIEST`].
+/// The least number of turns of the 10-bit GPS week by which a date is too early: no module is tested before
+/// [`EARLIEST`].
 fn week_rollovers(date: NaiveDate) -> u64 {
     let early_days = EARLIEST.signed_duration_since(date).num_days();
     u64::try_from(early_days).unwrap_or(0).div_ceil(WEEKS_DAYS)
 }
 
-/// Distance on the ellipsoid, by its radii of curvature at the site: exact to a millimetre over a kilometre.
+/// Distance on the ellipsoid, by its radii of curvature at the site. It is exact to a millimetre over a kilometre.
 fn horizontal_distance_m(site: &SitePlace, latitude_deg: f64, longitude_deg: f64) -> f64 {
     let (sin, cos) = site.latitude_deg.to_radians().sin_cos();
     let w = (1.0 - ECCENTRICITY_SQUARED * sin * sin).sqrt();
@@ -202,7 +203,7 @@ fn horizontal_distance_m(site: &SitePlace, latitude_deg: f64, longitude_deg: f64
     north_m.hypot(east_m)
 }
 
-/// An angle as the shorter way round, also across the date line: -180 to below 180 degrees.
+/// An angle taken the shorter way round, also across the date line: -180 to below 180 degrees.
 fn short_way_deg(angle_deg: f64) -> f64 {
     (angle_deg + 180.0).rem_euclid(360.0) - 180.0
 }
@@ -211,7 +212,7 @@ fn short_way_deg(angle_deg: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// 2019-04-07 was a week 0, and receivers of before said 1999-08-22.
+    /// 2019-04-07 began a week 0, and receivers built earlier said 1999-08-22.
     #[test]
     fn a_date_of_another_era_is_known() {
         let date = |year, month, day| NaiveDate::from_ymd_opt(year, month, day).unwrap();
@@ -222,7 +223,7 @@ mod tests {
         assert_eq!(week_rollovers(date(2025, 12, 31)), 1);
     }
 
-    /// The worst of all counts; a GSA that has not come yet is none.
+    /// The worst epoch counts; an epoch before the first GSA does not.
     #[test]
     fn the_worst_epoch_counts() {
         use Fix::{DimensionsUnknown, ThreeD, TwoD};

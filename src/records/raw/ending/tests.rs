@@ -7,12 +7,12 @@ use super::*;
 use crate::raw::tests::{Shared, cut, file, short_captures, write};
 use crate::raw::{RawRecord, read};
 
-/// Few samples of each, so that every length can be tried.
+/// Captures with few samples each, so that every length can be tried.
 fn few() -> Vec<Capture> {
     short_captures().into_iter().map(|capture| cut(capture, 13)).collect()
 }
 
-/// What a kill leaves: flushed after each capture, and no end.
+/// A file after a kill: flushed after each capture, without an end.
 fn killed() -> Vec<u8> {
     let shared = Shared::default();
     let mut out = RawWriter::new(mcap::write::NoSeek::new(shared.clone())).unwrap();
@@ -21,7 +21,7 @@ fn killed() -> Vec<u8> {
         write(&[capture], &mut out);
         out.flush().unwrap();
     }
-    // Dropping it would write an end, which a kill does not.
+    // Dropping the writer would write an end; a kill does not.
     std::mem::forget(out);
     shared.0.borrow().clone()
 }
@@ -30,7 +30,7 @@ fn was(bytes: &[u8]) -> CutOff {
     CutOff { original_bytes: bytes.len() as u64, original_sha256: "f".repeat(64) }
 }
 
-/// What stays of a file, and its end behind it.
+/// The bytes of a file that stay, with the end behind them.
 fn completed(bytes: &[u8]) -> Vec<u8> {
     let survey = Survey::of(bytes).unwrap().expect("it has no end");
     let kept = usize::try_from(survey.kept_bytes()).unwrap();
@@ -39,7 +39,7 @@ fn completed(bytes: &[u8]) -> Vec<u8> {
     whole
 }
 
-/// Log times of all messages, by the indexes alone: from the summary to the chunks, and to the messages in each.
+/// Log times of all messages, found by the indexes alone: from the summary to the chunks, and to the messages in each.
 fn by_the_indexes(file: &[u8], summary: &Summary) -> Vec<(u16, u64)> {
     let mut found = Vec::new();
     for chunk in summary.chunk_indexes.iter().filter(|chunk| chunk.message_index_length > 0) {
@@ -55,9 +55,9 @@ fn by_the_indexes(file: &[u8], summary: &Summary) -> Vec<(u16, u64)> {
     found
 }
 
-/// Log times of all messages, from the first byte to the last.
+/// Log times of all messages, read from the first byte to the last.
 fn in_a_row(file: &[u8]) -> Vec<(u16, u64)> {
-    // Less than the bytes by which a file is known holds nothing.
+    // A file that is shorter than its magic bytes holds no message.
     let messages = mcap::read::MessageStream::new_with_options(file, Options::IgnoreEndMagic.into());
     let mut found: Vec<_> =
         messages.into_iter().flatten().map_while(Result::ok).map(|one| (one.channel.id, one.log_time)).collect();
@@ -65,7 +65,7 @@ fn in_a_row(file: &[u8]) -> Vec<(u16, u64)> {
     found
 }
 
-/// The reader of the format checks all sums, and finds by the indexes what it finds in a row.
+/// Checks with the reader of the format that all checksums are right, and that indexes and a full read find the same.
 fn check_by_others(file: &[u8], before: &[u8]) {
     let options = LinearReaderOptions::default()
         .with_validate_data_section_crc(true)
@@ -86,7 +86,7 @@ fn check_by_others(file: &[u8], before: &[u8]) {
     assert_eq!(note.metadata["original_sha256"], "f".repeat(64));
 }
 
-/// Whatever was there is read as before, by us and by indexes, and the file says that it was cut off.
+/// All content is read as before, by this crate and by the indexes, and the file says that it was cut off.
 #[test]
 fn an_end_can_be_written_wherever_a_file_was_cut_off() {
     let whole = killed();
@@ -95,7 +95,7 @@ fn an_end_can_be_written_wherever_a_file_was_cut_off() {
     for length in 0..=whole.len() {
         let before = &whole[..length];
         let after = completed(before);
-        // What stays is the same from one record's end to the next.
+        // The bytes that stay are the same from the end of one record to the next.
         let stays = Survey::of(before).unwrap().map(|survey| survey.kept_bytes());
         if kept.last() != Some(&stays) {
             kept.push(stays);
@@ -106,7 +106,7 @@ fn an_end_can_be_written_wherever_a_file_was_cut_off() {
                 assert!(expected.cut_off);
                 assert!(read(after.as_slice()).unwrap() == expected, "{length} bytes: other samples");
             }
-            // Before the channels are there it was no file of ours; now it is an empty one.
+            // Before the channels are there, the file is not valid; now it is an empty one.
             Err(_) => {
                 begun_anew += 1;
                 let nothing = RawRecord { cut_off: true, ..RawRecord::default() };
@@ -119,7 +119,7 @@ fn an_end_can_be_written_wherever_a_file_was_cut_off() {
     assert!(read(completed(&whole).as_slice()).unwrap().captures == few());
 }
 
-/// The end of a file that was cut off in its own end says what that said.
+/// If a file was cut off in its own end, the new end says what the old end said.
 #[test]
 fn the_end_says_what_the_writer_of_the_format_says() {
     let whole = file(&short_captures());
@@ -143,7 +143,7 @@ fn the_end_says_what_the_writer_of_the_format_says() {
 #[test]
 fn what_is_damaged_gets_no_end() {
     let whole = killed();
-    // In samples, and in an index.
+    // One damaged place is in samples, the other in an index.
     for at in [whole.len() / 3, whole.len() / 2] {
         let mut damaged = whole.clone();
         damaged[at] ^= 1;

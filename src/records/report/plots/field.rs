@@ -1,4 +1,4 @@
-//! The field in the plane of rotation: raw with its ellipse, corrected with its circle, and what is left.
+//! The field in the plane of rotation: raw with its ellipse, corrected with its circle, and the residuals.
 
 use gnc_analysis::details::calibrating::{FIELD, FieldSpin, SPINS};
 use gnc_metrology::ellipse::Correction;
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::MOST_CURVES;
 
-/// Points of an ellipse as it is drawn.
+/// Points that draw an ellipse.
 const CORNERS: u32 = 120;
 
 fn correct(spin: &FieldSpin, (x, y): (f64, f64)) -> (f64, f64) {

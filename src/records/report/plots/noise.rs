@@ -24,7 +24,7 @@ pub(super) fn deviations(details: &Value) -> Option<Vec<Panel>> {
     }))
 }
 
-/// The lines of what was found: `N/sqrt(tau)`, `0.664 B`, `K sqrt(tau/3)`, as far as the curve reaches.
+/// The slopes of the Allan curve: `N/sqrt(tau)`, `0.664 B`, `K sqrt(tau/3)`, as far as the curve reaches.
 fn slopes(curve: &AllanCurve, hue: usize) -> Vec<Series> {
     let (low, high) = curve.points.iter().fold((f64::MAX, 0.0_f64), |(l, h), p| (l.min(p.dev), h.max(p.dev)));
     let line = |coefficient: &Option<CoefficientDetails>, at: fn(f64, f64) -> f64| {
@@ -50,7 +50,7 @@ pub(super) fn spectra(details: &Value) -> Option<Vec<Panel>> {
                 .density
                 .iter()
                 .enumerate()
-                // Neither what is left of the mean nor the last one, which has no mirror image.
+                // Leave out the first value, the rest of the mean, and the last value, which has no mirror image.
                 .take(spectrum.density.len().saturating_sub(1))
                 .skip(1)
                 .map(|(k, density)| (k as f64 * step_hz, *density))
@@ -70,10 +70,10 @@ pub(super) fn spectra(details: &Value) -> Option<Vec<Panel>> {
     }))
 }
 
-/// What a panel is made of: title, axis, unit, curves.
+/// The parts of a panel: title, axis, unit, curves.
 type Parts = (&'static str, &'static str, String, Vec<Series>);
 
-/// One panel for the gyroscopes and one for the accelerometers, from what is named `gyro_x` and so on.
+/// One panel for the gyroscopes and one for the accelerometers, from channels named `gyro_x` and so on.
 fn of_triads<T>(channels: &BTreeMap<String, T>, draw: impl Fn(&[(usize, &'static str, &T)]) -> Parts) -> Vec<Panel> {
     let triad = |(key, name): (&str, &str)| {
         let found: Vec<(usize, &'static str, &T)> = AXES

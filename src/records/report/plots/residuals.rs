@@ -1,4 +1,4 @@
-//! What a fit leaves in each position, and how the means follow a step.
+//! The residuals of a fit in each position, and how the means follow a step.
 
 use gnc_analysis::details::calibrating::{FORCE_RESIDUALS, RATE_RESIDUALS};
 use gnc_analysis::details::performance::{STEPS, StepResponse};
@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::super::number;
 use super::AXES;
 
-/// Beside each other in one position.
+/// Distance between points beside each other in one position.
 const OFFSET: f64 = 0.2;
 
 pub(super) fn accelerometers(details: &Value) -> Option<Vec<Panel>> {

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::MOST_CURVES;
 
-/// Both senses of an axis in one picture.
+/// Draws both senses of an axis in one picture.
 pub(super) fn records(details: &Value) -> Option<Vec<Panel>> {
     let (records, windows) = (TURNS.of(details)?, WINDOWS.of(details)?);
     if records.len() != windows.len() {

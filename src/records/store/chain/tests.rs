@@ -1,11 +1,11 @@
-//! Everything that can be done to a folder of closed runs, and what is said of it.
+//! Tests all kinds of changes to a folder of closed runs, and the messages about them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::*;
 
-/// A folder of records with so many closed runs: alternately on two days.
+/// A folder of records with so many closed runs, alternately on two days.
 fn records(runs: usize) -> (tempfile::TempDir, Vec<PathBuf>) {
     let folder = tempfile::tempdir().expect("a folder");
     let runs = (0..runs).map(|run| close(folder.path(), run)).collect();
@@ -38,7 +38,7 @@ fn runs_of_two_days_are_one_chain() {
     assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 6, first: 1, problems: Vec::new() });
 }
 
-/// The links by another program: `printf '1 000.. DIGEST RUN' | sha256sum`.
+/// The links, computed by another program: `printf '1 000.. DIGEST RUN' | sha256sum`.
 #[test]
 fn a_link_is_what_the_document_says() {
     let digest = "b5bb9d8014a0f9b1d61e21e796d78dccdf1352f23cd32812f4850b878ae4944c";
@@ -60,7 +60,7 @@ fn a_run_that_was_removed_is_found() {
     check(&problems(folder.path()), &["run 2 (2026-11-22/SN-1/120000-functional) was closed and is gone"]);
 }
 
-/// With its line as well: the neighbours no longer fit.
+/// A run is removed with its line as well: the neighbours no longer fit.
 #[test]
 fn a_run_that_was_removed_with_its_line_is_found() {
     let (folder, runs) = records(4);
@@ -93,7 +93,7 @@ fn a_tail_that_was_cut_off_is_found() {
         fs::write(&chain, first.expect("a line")).expect("a chain");
     }
     check(&problems(folder.path()), &["4 runs were closed and the chain ends at run 2: the newest are gone"]);
-    // The next run does not heal it.
+    // The next run does not repair it.
     close(folder.path(), 6);
     assert!(!problems(folder.path()).is_empty());
 }
@@ -108,7 +108,7 @@ fn a_line_that_was_changed_is_found() {
     assert!(found.iter().any(|problem| problem.contains("its line in the chain was changed")), "{found:?}");
 }
 
-/// The power goes after the line and before the counter: the next run follows the line.
+/// The power fails after the line and before the counter: the next run follows the line.
 #[test]
 fn a_power_cut_between_line_and_counter_is_no_forgery() {
     let (folder, _) = records(2);
@@ -120,7 +120,7 @@ fn a_power_cut_between_line_and_counter_is_no_forgery() {
     assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 4, first: 1, problems: Vec::new() });
 }
 
-/// Old days are moved elsewhere: the rest still holds together.
+/// Old days are moved elsewhere: the rest is still consistent.
 #[test]
 fn a_chain_may_begin_later() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -9,7 +9,7 @@ use crate::raw::read;
 
 const RAW: &str = "01-imu/attempt-1.mcap";
 
-/// A run's folder with a raw file that ends after so many bytes.
+/// A run's folder with a raw file that is cut after so many bytes.
 fn run(bytes: &[u8]) -> (TempDir, RunFolder) {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("01-imu")).unwrap();
@@ -36,7 +36,7 @@ fn a_file_with_an_end_is_left_alone() {
     assert_eq!(contents(folder.path()), before);
 }
 
-/// Kept bytes and torn ones are the file as the station left it, and what is said of it is true.
+/// Kept and torn bytes together are the file as the station left it, and the report about it is true.
 #[test]
 fn nothing_that_was_filed_is_lost() {
     for length in (0..whole().len()).step_by(211) {
@@ -57,7 +57,7 @@ fn nothing_that_was_filed_is_lost() {
     }
 }
 
-/// Killed once more: whatever was done by then, the next start comes to the same end.
+/// A second kill at any step: the next start comes to the same result.
 #[test]
 fn it_comes_to_the_same_end_after_another_kill() {
     let original = &whole()[..whole().len() - 3];
@@ -66,7 +66,7 @@ fn it_comes_to_the_same_end_after_another_kill() {
     let after = contents(folder.path());
     let torn = PathBuf::from(format!("{RAW}.torn"));
     let part = |file: &str| PathBuf::from(format!("{file}.part"));
-    // A file is written as a part, which then takes its name.
+    // A file is first written under a part name and then renamed.
     let steps = [
         (part(&format!("{RAW}.torn")), &b"half"[..]),
         (torn.clone(), after[&torn].as_slice()),
@@ -88,7 +88,7 @@ fn it_comes_to_the_same_end_after_another_kill() {
     }
 }
 
-/// The power went, and the system had promised more than it wrote.
+/// The power fails, and the file is longer than what was written.
 #[test]
 fn zeros_at_the_end_are_no_part_of_a_file() {
     for zeros in [1, 8, 9, 4096, 200_000] {
@@ -108,7 +108,7 @@ fn zeros_at_the_end_are_no_part_of_a_file() {
     }
 }
 
-/// What a kill does not do is not mended: the file stays, and the record says so.
+/// Damage that a kill cannot cause is not repaired: the file stays, and the record says so.
 #[test]
 fn a_damaged_file_stays_as_it_is() {
     let mut damaged = whole()[..whole().len() - 3].to_vec();
@@ -121,7 +121,7 @@ fn a_damaged_file_stays_as_it_is() {
     assert_eq!(complete(&run).unwrap(), report);
 }
 
-/// What an earlier start filed is not believed: a file outside, or another one in its place.
+/// A report of an earlier start is checked: it may name a file outside the folder, or a file may have been replaced.
 #[test]
 fn only_the_file_that_was_looked_at_gets_its_end() {
     let original = &whole()[..whole().len() - 3];
