@@ -160,11 +160,29 @@ fn another_module_is_no_evidence_in_any_attempt() {
 /// Samples from before and after a power cycle are of one module, also where no item has asked who it is.
 #[test]
 fn captures_over_power_cycles_are_of_one_module() {
-    let plan = "name = \"repeated\"\nversion = \"1\"\n[[item]]\nid = \"bias-repeatability\"\n\
-                params = { runs = 3, dwell = \"10 s\", gap = \"10 s\" }\n";
+    let plan = r#"
+name = "repeated"
+version = "1"
+[[item]]
+id = "six-position"
+params = { dwell = "10 s" }
+limits.residual_rms = "<= 5 mg"
+[[item]]
+id = "gyro-still"
+params = { dwell = "10 s" }
+limits.residual_rms = "<= 1 deg/s"
+[[item]]
+id = "rotation"
+params = { rest = "2 s", settle = "1 s" }
+limits."scale_error_*" = "-5 % .. 5 %"
+[[item]]
+id = "bias-repeatability"
+params = { runs = 3, dwell = "10 s", gap = "10 s" }
+limits."bias_repeatability_gyro_*" = "<= 1000 deg/h"
+"#;
     let state = run_plan(plan, &options("[module]\nswapped_after = 2\n"), |_, _| {});
-    assert_eq!(outcomes(&state), [Outcome::Errored]);
-    let error = state.rows()[0].attempts[0].error.as_ref().expect("an error");
+    assert_eq!(outcomes(&state).last(), Some(&Outcome::Errored), "{:?}", outcomes(&state));
+    let error = state.rows()[3].attempts[0].error.as_ref().expect("an error");
     assert!(error.text.contains("after the power cycle: the module says that it is SIM-OTHER"), "{error:?}");
 }
 

@@ -57,7 +57,7 @@ pub(crate) fn request(plan: &str) -> RunRequest {
     }
 }
 
-/// Carries out a request on a simulated bench that has a turntable and no operator, and leaves the module without
+/// Carries out a request on a simulated bench with a driven turntable, and leaves the module without
 /// power. The records are thrown away.
 pub(crate) fn serve(
     request: &RunRequest,
@@ -76,7 +76,7 @@ pub(crate) fn serve(
             bench: BenchInfo::simulated("good", "1", 1),
             target: Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud },
             can: None,
-            abilities: BenchAbilities { rs422: true, can: false, operator: false },
+            abilities: BenchAbilities { rs422: true, can: false, operator: true },
             fixture: Fixture::Driven(Arc::new(bench.control())),
             site: None,
         };
