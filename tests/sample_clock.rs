@@ -106,9 +106,18 @@ fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
         // The limit is in percent, like the figure.
         (value["value"].as_f64().expect("a number") * 1e4, half * 1e4, record)
     };
+    // What the clock adds to the budget of the figure, ppm: the rest of the interval is noise, and another one each time.
+    let of_clock = |record: &Value| {
+        let attempt = item(record, "rotation")["attempts"].as_array().and_then(|all| all.last().cloned());
+        let budget = attempt.expect("an attempt")["details"][0]["budget"]["scale_error_z"].clone();
+        let parts = budget["contributions"].as_array().cloned().expect("contributions");
+        let clock = parts.into_iter().find(|part| part["name"].as_str().is_some_and(|name| name.contains("clock")));
+        clock.and_then(|part| part["u"].as_f64()).expect("a part of the clock")
+    };
     let (slow, half, record) = scale(TURNS, -30.0);
     let (fast, _, _) = scale(TURNS, 30.0);
-    // The noise of a turn at rest is 4 ppm, and that of the difference of two is six.
+    let unknown_ppm = of_clock(&record);
+    // The noise of a turn at rest is 4 ppm, and two of them differ by six.
     assert!((fast - slow - 60.0).abs() < 25.0, "{slow} {fast}");
     assert!(half > 50.0, "{half}");
     let unknown = measured(&record, "rotation", "sample_rate_error");
@@ -119,7 +128,9 @@ fn a_clock_off_true_time_is_in_the_budget_or_taken_out() {
     let (slow, half, record) = scale(WITH_PULSES, -30.0);
     let (fast, _, _) = scale(WITH_PULSES, 30.0);
     assert!((fast - slow).abs() < 25.0, "{slow} {fast}");
-    assert!(half < 20.0, "{half}");
+    let known_ppm = of_clock(&record);
+    assert!(known_ppm < 3.0 && known_ppm < unknown_ppm / 5.0, "{known_ppm} {unknown_ppm}");
+    assert!(half < 50.0, "{half}");
     for (id, name) in [("gnss", "board_clock_error"), ("rotation", "sample_rate_error")] {
         let clock = measured(&record, id, name)["value"].as_f64().expect("a number");
         assert!((clock + 30.0).abs() < 0.2, "{id}: {clock}");
