@@ -192,6 +192,18 @@ fn a_unit_of_another_sensor_is_refused() {
     refused("[accel]\nspikes = { share = 0.1 }\n", &["2:1: size_g is missing [write how large spikes are, in g]"]);
 }
 
+/// A hint names the keys that a table takes, and none that it refuses.
+#[test]
+fn a_hint_names_no_key_that_is_refused() {
+    for refused in ["bias_stability_mg = 1", "y_skew_us = 1"] {
+        let text = format!("[gyro]\n{refused}\nqqqqqq = 3\n");
+        let mistakes = Personality::from_toml("x", &text).unwrap_err().to_string();
+        let hint = mistakes.split("unknown key \"qqqqqq\"").nth(1).expect("its own mistake");
+        let key = refused.split(' ').next().expect("a key");
+        assert!(hint.contains("bias_stability_dph") && !hint.contains(key), "{mistakes}");
+    }
+}
+
 /// A key that is read and then changes nothing lets its writer believe in a fault that is not there.
 #[test]
 fn a_key_without_effect_is_refused() {
