@@ -90,17 +90,17 @@ impl Units {
             let Some((stem, of)) = known.iter().find(|(stem, _)| is(stem)) else { continue };
             let kind = self.kind;
             match self.key(stem, *of) {
-                Some((right, unit)) => entry.key_mistake(
+                Some((right, unit)) => table.refuse(
+                    &entry,
                     format!("{} is not in {unit}, the unit of {stem} in [{kind}]", quoted(key)),
                     format!("give it in {unit} as {right}"),
                 ),
-                None => entry.key_mistake(
+                None => table.refuse(
+                    &entry,
                     format!("[{kind}] takes no {}: its noise has no published figures", quoted(key)),
                     "remove it; noise_factor makes the noise larger",
                 ),
             }
-            // Its mistake is already reported.
-            table.entry(key.to_owned());
             refused = true;
         }
         refused
@@ -136,13 +136,12 @@ impl TriadAsRead {
     /// Reads a table.
     pub(super) fn read(root: &TomlTable<'_, '_>, units: &Units, default: TriadModel) -> Self {
         let read = |table: &TomlTable<'_, '_>| {
-            let y_skew_us = table.entry("y_skew_us").and_then(|entry| {
-                if units.kind == MAG.kind {
-                    return entry.number((-1e6, 1e6));
-                }
-                entry.key_mistake(format!("[{}] takes no y_skew_us", units.kind), "only [mag] does");
-                None
-            });
+            let mut y_skew_us = None;
+            if units.kind == MAG.kind {
+                y_skew_us = table.number("y_skew_us", (-1e6, 1e6));
+            } else if let Some(entry) = table.unknown().iter().find(|entry| entry.key() == "y_skew_us") {
+                table.refuse(entry, format!("[{}] takes no y_skew_us", units.kind), "only [mag] does");
+            }
             let (model, faults) = (model(table, units, default), faults(table, units));
             units.refuse_others(table, &OF_TRIAD);
             Self { model, faults, y_skew_us: y_skew_us.unwrap_or(0.0) }

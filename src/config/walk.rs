@@ -85,14 +85,16 @@ pub struct TomlTable<'w, 't> {
     walk: &'w Walk<'w>,
     table: &'t DeTable<'t>,
     known: RefCell<BTreeSet<Cow<'static, str>>>,
-    /// The place of the table itself, for messages about missing keys.
+    /// Keys that were refused by name: their mistake is told, and no hint names them.
+    refused: RefCell<BTreeSet<&'t str>>,
+    /// The place of the table itself, for what is missing in it.
     span: Span,
 }
 
 impl<'w, 't> TomlTable<'w, 't> {
     /// The top level of a file, as [`parse`] returns it.
     pub fn new(walk: &'w Walk<'w>, table: &'t DeTable<'t>, span: Span) -> Self {
-        Self { walk, table, known: RefCell::default(), span }
+        Self { walk, table, known: RefCell::default(), refused: RefCell::default(), span }
     }
 
     /// The place of the table.
@@ -216,8 +218,15 @@ impl<'w, 't> TomlTable<'w, 't> {
 
     /// The entries that the reader has not asked for so far, in the order of the file.
     pub fn unknown(&self) -> Vec<TomlEntry<'w, 't>> {
-        let known = self.known.borrow();
-        self.entries().into_iter().filter(|entry| !known.contains(entry.key)).collect()
+        let (known, refused) = (self.known.borrow(), self.refused.borrow());
+        let is_new = |key: &str| !known.contains(key) && !refused.contains(key);
+        self.entries().into_iter().filter(|entry| is_new(entry.key)).collect()
+    }
+
+    /// Refuses the key of an entry that nobody asked for, with a better reason than that it is unknown.
+    pub fn refuse(&self, entry: &TomlEntry<'w, 't>, what: impl Into<String>, hint: impl Into<String>) {
+        entry.key_mistake(what, hint);
+        self.refused.borrow_mut().insert(entry.key);
     }
 
     /// Refuses every key that the reader has not asked for.

@@ -192,7 +192,19 @@ fn a_unit_of_another_sensor_is_refused() {
     refused("[accel]\nspikes = { share = 0.1 }\n", &["2:1: size_g is missing [write how large spikes are, in g]"]);
 }
 
-/// A key that is read but changes nothing would make its writer believe in a fault that does not exist.
+/// A hint names the keys that a table takes, and none that it refuses.
+#[test]
+fn a_hint_names_no_key_that_is_refused() {
+    for refused in ["bias_stability_mg = 1", "y_skew_us = 1"] {
+        let text = format!("[gyro]\n{refused}\nqqqqqq = 3\n");
+        let mistakes = Personality::from_toml("x", &text).unwrap_err().to_string();
+        let hint = mistakes.split("unknown key \"qqqqqq\"").nth(1).expect("its own mistake");
+        let key = refused.split(' ').next().expect("a key");
+        assert!(hint.contains("bias_stability_dph") && !hint.contains(key), "{mistakes}");
+    }
+}
+
+/// A key that is read and then changes nothing lets its writer believe in a fault that is not there.
 #[test]
 fn a_key_without_effect_is_refused() {
     refused("[gyro]\ny_skew_us = 10\n", &["2:1: [gyro] takes no y_skew_us [only [mag] does]"]);

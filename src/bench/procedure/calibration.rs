@@ -40,7 +40,9 @@ pub(super) async fn analyse(
             recorder.values(&integrity).await?;
             Err(refused.into())
         }
-        Err(_) => Err(ProcedureError::Analysis { why: "the analysis came to grief".into() }),
+        Err(_) => Err(ProcedureError::Analysis {
+            why: "the analysis stopped unexpectedly, by a fault of this program".into(),
+        }),
     }
 }
 

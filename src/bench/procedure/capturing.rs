@@ -73,7 +73,9 @@ async fn taken(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -> Result<
     let (resumed, item) = (resumed.clone(), recorder.item().to_owned());
     match tokio::task::spawn_blocking(move || resumed.captures(&item)).await {
         Ok(captures) => Ok(captures?),
-        Err(_) => Err(ProcedureError::Analysis { why: "reading the earlier captures came to grief".into() }),
+        Err(_) => Err(ProcedureError::Analysis {
+            why: "the reading of earlier captures stopped unexpectedly, by a fault of this program".into(),
+        }),
     }
 }
 

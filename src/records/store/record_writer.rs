@@ -140,7 +140,9 @@ impl RecordWriter {
         let joined = tokio::task::spawn_blocking(move || thread.join()).await;
         match joined {
             Ok(Ok(result)) => result,
-            _ => Err(StoreError::Closed { why: "the thread that writes it came to grief".into() }),
+            _ => Err(StoreError::Closed {
+                why: "its writing thread stopped unexpectedly, by a fault of this program".into(),
+            }),
         }
     }
 }
