@@ -130,6 +130,8 @@ pub struct SimulatedBench {
     /// Rate of the line; `None` for a line without pace.
     pace: Option<f64>,
     speed: Speed,
+    /// Link time in which bench time did not pass.
+    held: Duration,
 }
 
 impl SimulatedBench {
@@ -165,6 +167,7 @@ impl SimulatedBench {
             sleepers: Vec::new(),
             pace,
             speed: options.speed,
+            held: Duration::ZERO,
         }
     }
 
@@ -214,10 +217,17 @@ impl SimulatedBench {
         self.can.pop()
     }
 
-    /// The watchdogs do not count `span` before `now`, since the host could not send then.
+    /// The watchdogs do not count `span` before `now`, since the host could not send then. Bench time does not pass in
+    /// it.
     pub(crate) fn excuse(&mut self, span: Duration, now: Duration) {
         self.slave.excuse(span, now);
         self.can_slave.excuse(span, now);
+        self.hold(span);
+    }
+
+    /// Bench time does not pass in the last `span` of link time. [`SimulatedBench::advance`] has not seen it yet.
+    pub(crate) fn hold(&mut self, span: Duration) {
+        self.held += span;
     }
 
     /// Lets link time pass up to `now`.
@@ -272,7 +282,7 @@ impl SimulatedBench {
                 BoardPort::Can => self.can.is_full(),
             };
             // The board's clock goes by its oscillator. True time is link time times the speed.
-            let now_ns = self.board.bench_ns(now.as_secs_f64() * times) as u64;
+            let now_ns = self.board.bench_ns(now.saturating_sub(self.held).as_secs_f64() * times) as u64;
             // If a computer is too slow to run a memory test at this speed, the bench still hears the host and answers
             // in link time: the board's clock falls behind instead, until the test has ended.
             let reach_ns = self.board.now_ns().saturating_add((COMPUTED_AT_ONCE.as_nanos() as f64 * times) as u64);
@@ -288,7 +298,8 @@ impl SimulatedBench {
         let events = match self.speed {
             // Add a nanosecond, so that lost digits on the way back do not leave it a moment short.
             Speed::Times(times) => {
-                let due = |ns: u64| Duration::from_nanos((self.board.true_s(ns) * 1e9 / times).ceil() as u64 + 1);
+                let due =
+                    |ns: u64| self.held + Duration::from_nanos((self.board.true_s(ns) * 1e9 / times).ceil() as u64 + 1);
                 self.next_ns().map(due)
             }
             Speed::Max => (self.can_step(now) && self.next_ns().is_some()).then_some(now),
@@ -473,5 +484,44 @@ impl SimulatedBench {
         let echo = self.wire_to_host.take_echo();
         self.incoming.push(&echo, now);
         self.carry(now);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bench_time_does_not_pass_while_the_computer_stands_still_or_a_port_is_full() {
+        let seconds = Duration::from_secs;
+        let mut bench = SimulatedBench::new(&BenchOptions { speed: Speed::Times(10.0), ..BenchOptions::default() });
+        let clock = &bench.board;
+        let at = |true_s: f64| clock.bench_ns(true_s) as u64;
+        let (ten, twenty) = (at(10.0), at(20.0));
+        bench.advance(seconds(1));
+        assert_eq!(bench.bench_time_ns(), ten);
+        bench.excuse(seconds(3), seconds(4));
+        bench.advance(seconds(4));
+        assert_eq!(bench.bench_time_ns(), ten);
+        bench.hold(seconds(1));
+        bench.advance(seconds(5));
+        assert_eq!(bench.bench_time_ns(), ten);
+        bench.advance(seconds(6));
+        assert_eq!(bench.bench_time_ns(), twenty);
+    }
+
+    /// The bench looks again when its next event is due, not earlier and not later.
+    #[test]
+    fn an_event_is_due_later_by_the_time_that_was_held() {
+        let mut bench = SimulatedBench::new(&BenchOptions { speed: Speed::Times(10.0), ..BenchOptions::default() });
+        let (done, awake) = std::sync::mpsc::channel();
+        bench.sleep(Duration::from_secs(2), done);
+        bench.hold(Duration::from_millis(100));
+        let due = Duration::from_millis(300);
+        bench.advance(due - Duration::from_millis(1));
+        assert!(awake.try_recv().is_err());
+        assert!(bench.next_due(due) <= due + Duration::from_micros(1));
+        bench.advance(due + Duration::from_micros(1));
+        assert!(awake.try_recv().is_ok());
     }
 }

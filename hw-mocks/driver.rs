@@ -16,7 +16,7 @@ use nix::sys::time::TimeSpec;
 
 use crate::adapter::CanPort;
 use crate::bench::{BenchOptions, SimulatedBench, Truth};
-use crate::link_clock::{LOOK_EVERY, LinkClock};
+use crate::link_clock::{LOOK_EVERY, LinkClock, Wait};
 use crate::port::Tty;
 use crate::turntable::TableRefusal;
 use crate::world::{ModuleAxis, Sign};
@@ -370,8 +370,7 @@ impl Driver {
             if !self.obey() {
                 return Ok(());
             }
-            let now = self.clock.now();
-            self.bench.excuse(self.clock.take_stood_still(), now);
+            let now = self.look();
             self.read(now)?;
             self.can.read(&mut self.bench, now)?;
             // Frames in the adapter were sent but have not left: time must not pass beyond them.
@@ -389,10 +388,19 @@ impl Driver {
         }
     }
 
+    /// Link time now. Excuses what is not to count of the time since the last look.
+    fn look(&mut self) -> Duration {
+        let now = self.clock.now();
+        self.bench.excuse(self.clock.take_stood_still(), now);
+        self.bench.hold(self.clock.take_port_full());
+        now
+    }
+
     /// Carries out the pending commands; returns `false` to stop.
     fn obey(&mut self) -> bool {
         while let Ok((command, done)) = self.received.try_recv() {
-            self.bench.pass_time(self.clock.now());
+            let now = self.look();
+            self.bench.pass_time(now);
             match command {
                 BenchCommand::SetSwitch(number, on) => self.bench.set_switch(number, on),
                 BenchCommand::SetHeading(heading_deg) => self.bench.set_heading_deg(heading_deg),
@@ -510,7 +518,9 @@ impl Driver {
         fds.extend(can.map(|can| PollFd::new(can, can_wanted)));
         fds.extend(self.tty.as_ref().map(|tty| PollFd::new(tty.end.as_fd(), wanted)));
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
-            Ok(_) | Err(Errno::EINTR) => self.clock.waited(timeout),
+            Ok(_) | Err(Errno::EINTR) => {
+                self.clock.waited(timeout, if full || can_full { Wait::Room } else { Wait::Due });
+            }
             Err(error) => return Err(error.into()),
         }
         // A device that was pulled out would read as "no bytes" forever. The bench's own pseudo-terminal never hangs

@@ -78,11 +78,16 @@ fn captures_are_guided() {
         text.contains("✓ spin +")
     });
     // The next item has positions, each with a mark when it is finished.
-    terminal.wait_for("✓ x+");
-    terminal.wait_for("-Y up, +Z to 0°");
-    terminal.wait_for("✓ y+");
+    for seen in ["✓ x+", "-Y up, +Z to 0°", "✓ y+"] {
+        terminal.wait_until(seen, |screen| {
+            let text = screen.contents();
+            assert!(!text.contains("errored"), "{}", said(&place));
+            text.contains(seen)
+        });
+    }
     terminal.wait_until("the end", |screen| {
         let text = screen.contents();
+        assert!(!text.contains("errored"), "{}", said(&place));
         text.matches("✓ passed").count() == 2 && !text.contains("F8 Stop")
     });
     terminal.types(F10);
