@@ -1,8 +1,6 @@
 //! Mean of epochs whose errors are not independent, since the epochs follow each other closely (GNSS fixes, slow
 //! sensors).
 
-use realfft::RealFftPlanner;
-
 use crate::{Refusal, series, stats};
 
 /// Mean of correlated epochs.
@@ -71,8 +69,7 @@ pub fn effective_samples(values: &[f64]) -> Result<f64, Refusal> {
 fn autocovariance(values: &[f64]) -> Vec<f64> {
     let n = values.len();
     let mean = stats::mean(values);
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, backward) = (planner.plan_fft_forward(2 * n), planner.plan_fft_inverse(2 * n));
+    let (forward, backward) = (gnc_fourier::forward(2 * n), gnc_fourier::inverse(2 * n));
     let (mut time, mut spectrum) = (forward.make_input_vec(), forward.make_output_vec());
     time.iter_mut().zip(values).for_each(|(t, v)| *t = v - mean);
     // The buffers come from the plans themselves, so their lengths fit. The ends of a power spectrum are real.

@@ -1,7 +1,6 @@
 //! Power spectral density after Welch.
 
 use nalgebra::DMatrix;
-use realfft::RealFftPlanner;
 
 use crate::coefficient::Coefficient;
 use crate::{Refusal, linear, series, stats};
@@ -37,7 +36,7 @@ pub fn welch(values: &[f64], rate_hz: f64, segment: usize) -> Result<SpectralDen
     }
     let window = hann(segment);
     let power: f64 = window.iter().map(|w| w * w).sum();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
+    let transform = gnc_fourier::forward(segment);
     let (mut input, mut output) = (transform.make_input_vec(), transform.make_output_vec());
     let mut scratch = transform.make_scratch_vec();
     let mut density = vec![0.0; output.len()];
@@ -114,7 +113,7 @@ impl RobustSpectrum {
         }
         let window = hann(segment);
         let power: f64 = window.iter().map(|w| w * w).sum();
-        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
+        let transform = gnc_fourier::forward(segment);
         let (mut input, mut output) = (transform.make_input_vec(), transform.make_output_vec());
         let mut scratch = transform.make_scratch_vec();
         let count = (values.len() / segment).min(SEGMENTS);

@@ -1,7 +1,6 @@
 //! Lines in a record, such as vibration: found in the spectrum, fitted as sinusoids and taken off.
 
 use nalgebra::{Matrix4, Vector4};
-use realfft::RealFftPlanner;
 
 use crate::psd::RobustSpectrum;
 use crate::stats;
@@ -78,7 +77,7 @@ fn each(n: usize, frequency: f64, mut work: impl FnMut(usize, f64, f64, f64)) {
 fn peak(values: &[f64], near: f64, width: f64) -> Option<f64> {
     let n = values.len();
     let mean = stats::mean(values);
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(n);
+    let transform = gnc_fourier::forward(n);
     let mut input: Vec<f64> = values
         .iter()
         .enumerate()
