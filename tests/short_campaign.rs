@@ -73,9 +73,9 @@ fn violations_are_seen() {
     let (good, bad) = (calm("good", ""), calm("pps-missing", ""));
     let (passed, failed) = (run(&good, Over::Pty, None), run(&bad, Over::Pty, None));
     assert_eq!((violations(&good, &passed), violations(&bad, &failed)), (Vec::new(), Vec::new()));
-    check(&good, &failed, "gnss failed, and nothing is wrong with it");
-    check(&good, &failed, "a good module is failed");
-    check(&bad, &passed, "gnss is passed, and it is bad");
+    check(&good, &failed, "gnss failed, but nothing is wrong with it");
+    check(&good, &failed, "a good module failed");
+    check(&bad, &passed, "gnss is passed, but it is bad");
     check(&bad, &passed, "a bad module is passed");
     check(&calm("supply-low", ""), &failed, "gnss failed");
     check(&good, &Ran { off_after: None, ..passed.clone() }, "still on");

@@ -137,7 +137,7 @@ fn six_position() {
         &six(9.8).replace("z-", "up"),
         "six-position r.csv --gravity 9.8",
         2,
-        "r.csv:8:1: `up` in column `position` is none of x+ x- y+ y- z+ z-",
+        "r.csv:8:1: `up` in column `position` is not one of x+ x- y+ y- z+ z-",
     );
     bad(&six(9.8).replace("30", "3o"), "six-position r.csv --gravity 9.8", 2, "r.csv:");
     bad(&six(9.8), "six-position r.csv", 2, "--latitude");
