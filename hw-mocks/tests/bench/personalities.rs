@@ -287,7 +287,7 @@ fn what_real_sensors_do_is_checked() {
     refused("[accel]\nclip_low_g = nan\n", &["2:14: clip_low_g is nan, and must be -inf to inf"]);
     refused(
         "[accel]\nclip_low_g = [-inf, -inf, 2.0]\nclip_high_g = [inf, inf, 1.0]\n",
-        &["3:15: clip_high is not above clip_low"],
+        &["3:15: clip_high is not above clip_low [write a larger clip_high or a smaller clip_low]"],
     );
     refused(
         "[gyro]\nspikes = { share = 0.1, size_dps = 1, axis = \"w\" }\n",
