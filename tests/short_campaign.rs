@@ -90,9 +90,9 @@ fn violations_are_seen() {
     assert_eq!(violations(&lossy, &ran), Vec::<String>::new());
     assert!(ran.line.to_host.missable > 0, "{:?}", ran.line);
     ran.line.to_host.missable += 3;
-    check(&lossy, &ran, "booked as missing");
+    check(&lossy, &ran, "missing frames");
     ran.line = Default::default();
-    check(&lossy, &ran, "the line did nothing");
+    check(&lossy, &ran, "the line spoilt nothing");
 }
 
 /// A seed repeats the drawn cases, and another seed draws other cases.

@@ -16,7 +16,7 @@ pub(crate) enum RecordsCommand {
         /// The run's folder (a path from here, or below the records folder), or a serial number for its newest run.
         run: PathBuf,
     },
-    /// Compares runs with their digests and their journals. Exit code 1: a record was changed. Exit code 2: a newer version
+    /// Compares runs with their digests and their journals. Exit code 1: a record is not as written. Exit code 2: a newer version
     /// of the station wrote a record, so this version cannot check all of it.
     Verify {
         /// Folders or serial numbers of runs; by default all runs.

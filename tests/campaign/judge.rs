@@ -139,7 +139,7 @@ fn losses(case: &Case, ran: &Ran, record: &RunRecord) -> Option<String> {
     // If a computer stands still, timeouts also break off a message of many frames on CAN.
     let undisturbed = case.link == Link::Rs422 || ran.in_memory;
     if undisturbed && !harmed && booked != Booked::default() {
-        return Some(format!("the line lost nothing, but the station counts {booked:?}"));
+        return Some(format!("the line spoilt nothing, but the station counts {booked:?}"));
     }
     let (missing, missable) = counted_losses(case, ran)?;
     if (missing..=missing + BEHIND_THE_END).contains(&missable) {
