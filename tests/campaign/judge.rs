@@ -145,7 +145,7 @@ fn losses(case: &Case, ran: &Ran, record: &RunRecord) -> Option<String> {
     if (missing..=missing + BEHIND_THE_END).contains(&missable) {
         return None;
     }
-    Some(format!("the station counts {missing} missing frames, but the line spoilt only {missable}"))
+    Some(format!("the station counts {missing} missing frames, but the line spoilt {missable}"))
 }
 
 /// Frames that the station reports as missing, and those that it could miss by the line's own count; `None` unless the
