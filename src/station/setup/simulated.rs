@@ -62,7 +62,10 @@ fn read(path: &Path, name: &str) -> Result<(Personality, Option<ReadFile>), Comm
         _ => {
             let text = std::fs::read_to_string(path).map_err(|error| {
                 let what = format!("cannot read the board {name}: {error}");
-                CommandRefusal::new(what, "name a board file, or a built-in board: `hw-mocks --boards` lists them")
+                CommandRefusal::new(
+                    what,
+                    "start from a board in hw-mocks/boards/, or name a built-in board: `hw-mocks --boards` lists them",
+                )
             })?;
             let personality = Personality::with_files(name, &text, &mut hw_mocks::beside(path));
             (personality, Some(ReadFile { path: path.to_owned(), bytes: text.into_bytes() }))
