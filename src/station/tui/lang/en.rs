@@ -214,7 +214,7 @@ fn key(action: KeyAction) -> KeyText {
     let (short, long) = match action {
         KeyAction::Help => ("Help", "Show what the keys do here."),
         KeyAction::Setup => ("Setup", "Choose plan, bench, operator, rounds and language."),
-        KeyAction::One => ("One item", "Run only the item under the cursor. It never passes the module."),
+        KeyAction::One => ("One item", "Run only the item under the cursor: not a pass of the module."),
         KeyAction::Repeat => ("Repeat", "Run the items again that were not good in the last run."),
         KeyAction::Start => ("Start", "Test the scanned module with the ticked items."),
         KeyAction::Watch => ("Watch", "Switch the module on and show its raw values, without a run."),
