@@ -167,7 +167,9 @@ fn a_run_comes_out_again_as_it_was() {
     let unfit = place.run(["recompute", folder, "--plan", other.to_str().expect("UTF-8")]);
     assert_eq!(unfit.code, Some(2));
     assert!(
-        unfit.stderr.contains("the run has six-position, rotation; the plan has six-position, turns"),
+        unfit
+            .stderr
+            .contains("the run has the items six-position, rotation; the plan has the items six-position, turns"),
         "{}",
         unfit.stderr
     );

@@ -128,7 +128,7 @@ impl Writer {
             }
             EventKind::BoardRebooted { .. } => self.say("note: the slave board restarted"),
             EventKind::StopRequested { by, .. } => {
-                self.say(&format!("stopping: {} (repeat it to stop at once)", printable(by)))
+                self.say(&format!("stopping: {} (repeat it to stop at once)", printable(by)));
             }
             EventKind::RunEnded { .. } => self.ended(),
             _ => {}
