@@ -186,7 +186,7 @@ fn playback(table: &TomlTable<'_, '_>, load: Load<'_>) -> Option<Playback> {
         if log.len() > LONGEST {
             return Err(format!("the log is longer than {LONGEST} bytes"));
         }
-        Recording::new(&log).ok_or_else(|| "the log is empty".to_owned())
+        Recording::new(&log).ok_or_else(|| "the log has no messages".to_owned())
     });
     match read {
         Ok(recording) => Some(Playback { recording: Arc::new(recording), epochs_hz }),

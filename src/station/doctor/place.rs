@@ -84,7 +84,7 @@ pub(super) fn clock(folder: &Path) -> Finding {
 
 pub(super) fn terminal() -> Finding {
     if !std::io::stdout().is_terminal() {
-        return Finding::good("standard output is not a terminal, so its size was not checked");
+        return Finding::good("standard output is not a terminal, so the size of the screen was not checked");
     }
     let (columns, rows) = terminal_size::terminal_size().map_or((0, 0), |(width, height)| (width.0, height.0));
     let what = format!("the terminal has {columns} columns and {rows} rows");

@@ -15,7 +15,7 @@ pub(super) fn of_measurements(before: &[Measurement], now: &[Measurement]) -> Ve
         }
         let judged = |measurement: &Measurement| measurement.outcome.map_or("information", |outcome| outcome.as_str());
         let text = if was.name != is.name {
-            format!("{} is where {} was", is.name, was.name)
+            format!("{} instead of {}", is.name, was.name)
         } else if json(&was.value) != json(&is.value) || was.raw != is.raw {
             // Exactly as written, so that a difference in the last digit shows too.
             format!("{} was {}, is {}", was.name, exact(was), exact(is))
