@@ -122,9 +122,9 @@ pub(crate) struct RunArgs {
 /// What a bad item means for the rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum OnFailArg {
-    /// The rest is skipped.
+    /// The remaining items are skipped.
     Stop,
-    /// The rest is run.
+    /// The remaining items run.
     Continue,
 }
 

@@ -12,7 +12,7 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0  passed or marginal
   1  failed: the module violates a limit
-  2  usage, or a plan or bench file is refused
+  2  the command line, a plan or a bench file is refused
   3  errored: the station could not judge the module
   4  aborted by a person or a signal";
 
