@@ -49,7 +49,7 @@ impl Tty {
         tcsetattr(&end, SetArg::TCSANOW, &settings)?;
         // A driver without this rate keeps another one and reports success.
         if cfgetospeed(&tcgetattr(&end)?) != rate {
-            return Err(io::Error::other("the port does not have this rate"));
+            return Err(io::Error::other("the port does not support this rate"));
         }
         // Discard bytes from before the board was there.
         tcflush(&end, FlushArg::TCIOFLUSH)?;

@@ -22,17 +22,18 @@ use crate::world::{ModuleAxis, Sign};
 const LARGEST_FILE: u64 = 1024 * 1024;
 
 const HELP: &str = "\
-switch N on|off   flip DIP switch 1 to 5
-heading DEG       point the reference axis (X for Z up), clockwise from north
-up AXIS           lay the module down: x+ x- y+ y- z+ z-
+switch N on|off   set DIP switch N (1 to 5) on or off
+heading DEG       point the reference axis (X if Z is up) to DEG, clockwise from north
+up AXIS           lay the module with this axis up: x+ x- y+ y- z+ z-
 turn AXIS DPS     turn steadily about x, y or z, in deg/s
-orient WHERE AXIS DEG  turntable: an axis (x+ ..) up, north or polar, the next one at a heading
-rotate DEG S      turntable: turn by an angle in so many seconds
-spin DPS          turntable: turn on and on; stop: end whatever it does
-sleep T s|ms      wait for so much bench time; later commands wait too
-truth             what really is
-can               where the CAN bus is: slcan:PATH or an interface
-quit              end";
+orient WHERE AXIS DEG  turntable: point AXIS (x+ ..) up, north or polar, the next axis at DEG
+rotate DEG S      turntable: turn by DEG degrees in S seconds
+spin DPS          turntable: turn at DPS deg/s without end
+stop              turntable: stop any motion
+sleep T s|ms      wait for T of bench time; later commands wait too
+truth             print the true state of board and module
+can               print where the CAN bus is: slcan:PATH or an interface
+quit              end the program";
 
 /// Serves a simulated slave board with a module in its socket on a pseudo-terminal or a serial port.
 ///
@@ -41,16 +42,16 @@ quit              end";
 #[derive(Debug, Parser)]
 #[command(name = "hw-mocks", version)]
 struct Arguments {
-    /// What is in the socket: a file, or the name of a board that comes with the program.
+    /// The board with its module: a file, or the name of a board that comes with the program.
     #[arg(value_name = "BOARD", default_value = "good")]
     board: String,
     /// Serial number of the module, unless the board's file fixes one.
     #[arg(long, value_name = "SN")]
     serial_number: Option<String>,
-    /// Seed of all chance.
+    /// Seed of all random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// How many times as fast as wall time the board lives, or `max`.
+    /// How fast the time of the board passes: a multiple of wall time, or `max`.
     #[arg(long, value_name = "N|max", default_value = "1", value_parser = parse_speed)]
     speed: Speed,
     /// Rate of the link.
@@ -59,10 +60,10 @@ struct Arguments {
     /// Serve this serial port of the computer instead of a pseudo-terminal.
     #[arg(long, value_name = "DEVICE")]
     port: Option<PathBuf>,
-    /// Also put a symbolic link to the pseudo-terminal there.
+    /// Also create a symbolic link to the pseudo-terminal at this path.
     #[arg(long, value_name = "PATH", conflicts_with = "port")]
     link: Option<PathBuf>,
-    /// Put the CAN bus on this interface of the kernel; without it, on an slcan adapter on a pseudo-terminal.
+    /// Put the CAN bus on this kernel interface; by default the bus is an slcan adapter on a pseudo-terminal.
     #[arg(long, value_name = "INTERFACE")]
     can: Option<String>,
     /// List the boards that come with the program, and end.
@@ -83,7 +84,7 @@ pub(crate) fn parse_speed(text: &str) -> Result<Speed, String> {
     }
     match text.parse::<f64>() {
         Ok(times) if (0.001..=1000.0).contains(&times) => Ok(Speed::Times(times)),
-        _ => Err("neither max nor a number from 0.001 to 1000".to_owned()),
+        _ => Err("it must be max or a number from 0.001 to 1000".to_owned()),
     }
 }
 
@@ -92,9 +93,9 @@ pub(crate) fn parse_speed(text: &str) -> Result<Speed, String> {
 enum ProgramError {
     #[error("cannot read {}", path.display())]
     Read { path: PathBuf, source: io::Error },
-    #[error("{} is larger than {LARGEST_FILE} bytes, which is no board", path.display())]
+    #[error("{} is larger than {LARGEST_FILE} bytes, so it is not a board", path.display())]
     Large { path: PathBuf },
-    #[error("no file {name} and no board of this name comes with the program; --boards lists them")]
+    #[error("there is no file {name}, and no built-in board of this name; --boards lists the built-in boards")]
     Unknown { name: String },
     #[error(transparent)]
     Personality(#[from] gnc_config::Mistakes),
@@ -253,12 +254,12 @@ fn obey(line: &str, bench: &RunningBench) -> Result<Answer, String> {
             let span_s = parse_number(span)? * if *unit == "s" { 1.0 } else { 1e-3 };
             Duration::try_from_secs_f64(span_s).map(Answer::Sleep).map_err(|error| error.to_string())
         }
-        _ => Err(format!("\"{}\" is no command; help lists them", line.trim().escape_default())),
+        _ => Err(format!("\"{}\" is not a command; help lists the commands", line.trim().escape_default())),
     }
 }
 
 fn parse_number(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|number: &f64| number.is_finite()).ok_or_else(|| format!("\"{text}\" is no number"))
+    text.parse().ok().filter(|number: &f64| number.is_finite()).ok_or_else(|| format!("\"{text}\" is not a number"))
 }
 
 fn parse_signed_axis(text: &str) -> Result<(ModuleAxis, Sign), String> {

@@ -180,7 +180,7 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Reque
         }
         Request::CpuIntegers(integers) => {
             if let Some(index) = integers.pairs.iter().position(|pair| pair[1] == 0) {
-                return Err(bad(format!("b of pair {index} is 0, which divides nothing")));
+                return Err(bad(format!("b of pair {index} is 0; it must not be 0")));
             }
             core(integers.core)
         }
@@ -188,7 +188,7 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Reque
             let refused = |pair: &[f64; 2]| pair[1] == 0.0 || pair.iter().any(|operand| !operand.is_finite());
             if let Some(index) = floats.pairs.iter().position(refused) {
                 let [a, b] = floats.pairs[index];
-                return Err(bad(format!("pair {index} ({a:e}, {b:e}): operands are finite and b is not 0")));
+                return Err(bad(format!("pair {index} ({a:e}, {b:e}): operands must be finite, and b not 0")));
             }
             core(floats.core)
         }
@@ -258,9 +258,10 @@ pub(crate) fn check(request: &Request, module: &mut Module) -> Result<u32, Reque
         },
         Request::CalibrationCommit(commit) => match module.calibration.written_checksum() {
             None => Err(bad("no calibration was written since power-on")),
-            Some(written) if written != commit.checksum => {
-                Err(bad(format!("checksum {:08x} is not that of what was written, {written:08x}", commit.checksum)))
-            }
+            Some(written) if written != commit.checksum => Err(bad(format!(
+                "checksum {:08x} differs from that of the written data, {written:08x}",
+                commit.checksum
+            ))),
             Some(_) => Ok(uses::INTERNAL_FLASH),
         },
         Request::CalibrationRead(_) => Ok(uses::INTERNAL_FLASH),

@@ -99,13 +99,13 @@ pub enum TableRefusal {
     #[error("the turntable was stopped between two orientations; orient it first")]
     NotOriented,
     /// The direction is zero or not finite.
-    #[error("({x}, {y}, {z}) is no direction", x = up[0], y = up[1], z = up[2])]
+    #[error("({x}, {y}, {z}) is not a direction", x = up[0], y = up[1], z = up[2])]
     NoDirection {
         /// The given direction.
         up: [f64; 3],
     },
     /// The number is not finite.
-    #[error("{value} is no {what}")]
+    #[error("the {what} must be a finite number, not {value}")]
     NoNumber {
         /// The quantity that it should be.
         what: &'static str,
@@ -119,7 +119,7 @@ pub enum TableRefusal {
         span_s: f64,
     },
     /// The rate is faster than the table can turn.
-    #[error("{rate_dps} deg/s are more than the {FASTEST_DPS} deg/s of the turntable")]
+    #[error("the turntable turns at up to {FASTEST_DPS} deg/s, but {rate_dps} deg/s are needed")]
     TooFast {
         /// Peak rate of the command.
         rate_dps: f64,

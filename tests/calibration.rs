@@ -105,7 +105,7 @@ fn what_was_captured_survives_a_kill() {
     // The station reports its progress every two seconds; some reports later a second of samples is on disk.
     let told = lines
         .map_while(Result::ok)
-        .any(|line| line.contains("at work") && samples(&read(&mcap(&place, "01-six-position"))) > 0);
+        .any(|line| line.contains("running: ") && samples(&read(&mcap(&place, "01-six-position"))) > 0);
     assert!(told, "nothing was captured");
     station.kill().expect("alive");
     station.wait().expect("dead");
@@ -167,7 +167,9 @@ fn a_run_comes_out_again_as_it_was() {
     let unfit = place.run(["recompute", folder, "--plan", other.to_str().expect("UTF-8")]);
     assert_eq!(unfit.code, Some(2));
     assert!(
-        unfit.stderr.contains("the run has six-position, rotation; the plan has six-position, turns"),
+        unfit
+            .stderr
+            .contains("the run has the items six-position, rotation; the plan has the items six-position, turns"),
         "{}",
         unfit.stderr
     );
@@ -207,7 +209,11 @@ fn raw_captures_can_be_computed_with() {
     assert_eq!(allan.code, Some(0), "{}{}", allan.stdout, allan.stderr);
     let unclear = place.run(["compute", "allan", raw, "--column", "gyro_z", "--rate", "200"]);
     assert_eq!(unclear.code, Some(2));
-    assert!(unclear.stderr.contains("it holds 6 captures; put one behind its name: #x+ #x-"), "{}", unclear.stderr);
+    assert!(
+        unclear.stderr.contains("it holds 6 captures; add the name of one to the path: #x+ #x-"),
+        "{}",
+        unclear.stderr
+    );
 }
 
 /// Equal except for the last digits of the numbers.
@@ -293,7 +299,7 @@ fn a_run_that_broke_off_goes_on() {
     // The station reports its progress every two seconds: three positions of 60 s take a little longer at 40 times the
     // speed.
     let whole = || read(&mcap(&place, "01-six-position")).captures.len();
-    assert!(lines.map_while(Result::ok).any(|line| line.contains("at work") && whole() >= 2), "nothing was captured");
+    assert!(lines.map_while(Result::ok).any(|line| line.contains("running: ") && whole() >= 2), "nothing was captured");
     station.kill().expect("alive");
     station.wait().expect("dead");
     let broken = place.runs().remove(0);

@@ -54,7 +54,8 @@ fn check(board: &Path) -> Result<(), String> {
     let name = board.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = std::fs::read_to_string(board).map_err(|error| error.to_string())?;
     let personality = hw_mocks::Personality::from_toml(&name, &text).map_err(|error| error.to_string())?;
-    let expected = personality.expect.get("functional").ok_or(format!("{name} expects nothing of the plan"))?;
+    let expected =
+        personality.expect.get("functional").ok_or(format!("board {name} has no expectation for the plan"))?;
     // A fault of the RS-422 line or of the module's own SCI does not show here.
     let elsewhere = expected.items == ["sci"] || text.contains("[wire.");
     let outcome = if elsewhere { "passed" } else { expected.outcome.as_str() };

@@ -169,7 +169,7 @@ fn a_failed_run_has_no_passport() {
     // A passport that was inserted later is noticed.
     fs::write(failed.join("passport.json"), "{}").expect("a file");
     let again = place.run(["recompute", failed.to_str().expect("UTF-8")]);
-    assert!(again.code == Some(1) && again.stdout.contains("has earned none: the run failed"), "{}", again.stdout);
+    assert!(again.code == Some(1) && again.stdout.contains("earns none: the run failed"), "{}", again.stdout);
     fs::remove_file(failed.join("passport.json")).expect("a file");
 
     place.write("other.toml", SHORT);

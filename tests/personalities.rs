@@ -16,7 +16,8 @@ fn check(board: &Path, speed: &str) -> Result<(), String> {
     let name = board.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = std::fs::read_to_string(board).map_err(|error| error.to_string())?;
     let personality = hw_mocks::Personality::from_toml(&name, &text).map_err(|error| error.to_string())?;
-    let expected = personality.expect.get("functional").ok_or(format!("{name} expects nothing of the plan"))?;
+    let expected =
+        personality.expect.get("functional").ok_or(format!("board {name} has no expectation for the plan"))?;
     let place = Place::new(STATION);
     let run = place.functional(&format!("--sim={}", board.display()), &["--sim-speed", speed]);
     let context = format!("{name} at speed {speed}\n{}{}", run.stdout, run.stderr);

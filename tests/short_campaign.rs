@@ -73,9 +73,9 @@ fn violations_are_seen() {
     let (good, bad) = (calm("good", ""), calm("pps-missing", ""));
     let (passed, failed) = (run(&good, Over::Pty, None), run(&bad, Over::Pty, None));
     assert_eq!((violations(&good, &passed), violations(&bad, &failed)), (Vec::new(), Vec::new()));
-    check(&good, &failed, "gnss failed, and nothing is wrong with it");
-    check(&good, &failed, "a good module is failed");
-    check(&bad, &passed, "gnss is passed, and it is bad");
+    check(&good, &failed, "gnss failed, but nothing is wrong with it");
+    check(&good, &failed, "a good module failed");
+    check(&bad, &passed, "gnss is passed, but it is bad");
     check(&bad, &passed, "a bad module is passed");
     check(&calm("supply-low", ""), &failed, "gnss failed");
     check(&good, &Ran { off_after: None, ..passed.clone() }, "still on");
@@ -90,9 +90,9 @@ fn violations_are_seen() {
     assert_eq!(violations(&lossy, &ran), Vec::<String>::new());
     assert!(ran.line.to_host.missable > 0, "{:?}", ran.line);
     ran.line.to_host.missable += 3;
-    check(&lossy, &ran, "booked as missing");
+    check(&lossy, &ran, "missing frames");
     ran.line = Default::default();
-    check(&lossy, &ran, "the line did nothing");
+    check(&lossy, &ran, "the line spoilt nothing");
 }
 
 /// A seed repeats the drawn cases, and another seed draws other cases.

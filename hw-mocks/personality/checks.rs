@@ -40,7 +40,7 @@ pub(super) fn pair(entry: &TomlEntry<'_, '_>, bounds: (i64, i64)) -> Option<(u8,
     let (a, b) = (whole(&one, bounds), whole(&other, bounds));
     let (a, b): (u8, u8) = (a?, b?);
     if a == b {
-        other.mistake(format!("{a} stands twice in {}", entry.key()), "two different ones are needed");
+        other.mistake(format!("{a} is twice in {}", entry.key()), "write two different numbers");
         return None;
     }
     Some((a, b))

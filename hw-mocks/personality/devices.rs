@@ -186,13 +186,13 @@ fn playback(table: &TomlTable<'_, '_>, load: Load<'_>) -> Option<Playback> {
         if log.len() > LONGEST {
             return Err(format!("the log is longer than {LONGEST} bytes"));
         }
-        Recording::new(&log).ok_or_else(|| "the log says nothing".to_owned())
+        Recording::new(&log).ok_or_else(|| "the log has no messages".to_owned())
     });
     match read {
         Ok(recording) => Some(Playback { recording: Arc::new(recording), epochs_hz }),
         Err(why) => {
             let what = format!("playback {} cannot be read: {}", quoted(name), printable(&why));
-            entry.mistake(what, "it is a log of NMEA or UBX beside this file");
+            entry.mistake(what, "name a log of NMEA or UBX in the folder of this file");
             None
         }
     }
@@ -237,7 +237,10 @@ pub(super) fn reboot(table: &TomlTable<'_, '_>) -> RebootTrigger {
     needs(table, "nth", "on");
     needs(table, "after_ms", "on");
     if !table.has("on") && !table.has("at_board_time_s") {
-        table.mistake("[reboot] says nothing of when", "write on = \"sdram\", or at_board_time_s = 60.0");
+        table.mistake(
+            "[reboot] does not say when the board restarts",
+            "write on = \"sdram\", or at_board_time_s = 60.0",
+        );
     }
     RebootTrigger {
         on: table.entry("on").and_then(|entry| choice(&entry, &DEVICES)).map(str::to_owned),

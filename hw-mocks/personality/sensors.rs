@@ -140,7 +140,7 @@ impl TriadAsRead {
             if units.kind == MAG.kind {
                 y_skew_us = table.number("y_skew_us", (-1e6, 1e6));
             } else if let Some(entry) = table.unknown().iter().find(|entry| entry.key() == "y_skew_us") {
-                table.refuse(entry, format!("[{}] takes no y_skew_us", units.kind), "only [mag] does");
+                table.refuse(entry, format!("[{}] takes no y_skew_us", units.kind), "write it in [mag]");
             }
             let (model, faults) = (model(table, units, default), faults(table, units));
             units.refuse_others(table, &OF_TRIAD);
@@ -225,7 +225,7 @@ fn faults(table: &TomlTable<'_, '_>, units: &Units) -> TriadFaults {
     let clip_low = clip("clip_low").map_or(none.clip_low, |(_, low)| low);
     let clip_high = clip("clip_high").map_or(none.clip_high, |(entry, high)| {
         if (0..3).any(|axis| clip_low[axis] >= high[axis]) {
-            entry.mistake("clip_high is not above clip_low", "");
+            entry.mistake("clip_high is not above clip_low", "write a larger clip_high or a smaller clip_low");
         }
         high
     });
@@ -246,7 +246,7 @@ fn faults(table: &TomlTable<'_, '_>, units: &Units) -> TriadFaults {
             let (a, b) = (axis(&one), axis(&other));
             let (a, b) = (a?, b?);
             if a == b {
-                other.mistake("an axis cannot be swapped with itself", "two different ones are needed");
+                other.mistake("an axis cannot be swapped with itself", "write two different axes");
             }
             Some((a, b))
         }),

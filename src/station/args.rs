@@ -13,21 +13,22 @@ pub(crate) enum RecordsCommand {
     List,
     /// Shows a run.
     Show {
-        /// Its folder, whole or below the records folder; or a serial number, for its newest run.
+        /// The run's folder (a path from here, or below the records folder), or a serial number for its newest run.
         run: PathBuf,
     },
-    /// Compares runs with their digests and their journals: exit code 1 if something was changed, 2 if all that can be said
-    /// of a run is that a newer version of the station wrote it.
+    /// Compares runs with their digests and their journals. Exit code 1: a record is not as written. Exit code 2: a newer version
+    /// of the station wrote a record, so this version cannot check all of it.
     Verify {
-        /// Their folders or serial numbers; all runs if none is named.
+        /// Folders or serial numbers of runs; by default all runs.
         runs: Vec<PathBuf>,
-        /// The station's public key: each run must be signed with its other half.
+        /// The station's public key: each run must have a signature by the private key that belongs to it.
         #[arg(long, value_name = "FILE.pub")]
         key: Option<PathBuf>,
     },
-    /// Makes a key with which a station signs its runs: FILE for `key` under `[station]` in its bench file, FILE.pub to verify.
+    /// Makes a pair of keys: the station signs its runs with FILE (`key` under `[station]` in its bench file), and FILE.pub
+    /// verifies them.
     Key {
-        /// The file to write.
+        /// The file for the private key.
         file: PathBuf,
     },
 }
@@ -46,9 +47,9 @@ pub enum Lang {
 /// How the station reaches the simulated board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum SimLink {
-    /// RS-422 for the conversation, CAN beside it for the item `can`.
+    /// The station talks to the board over RS-422; the CAN bus is there for the item `can`.
     Rs422,
-    /// CAN alone.
+    /// The station talks to the board over CAN; there is no RS-422 line.
     Can,
 }
 
@@ -61,7 +62,7 @@ pub(crate) struct RunArgs {
     /// The plan that the screen opens with.
     #[arg(long, value_name = "PLAN", conflicts_with = "auto")]
     pub plan: Option<PathBuf>,
-    /// Language of the screen; the locale's, if not given.
+    /// Language of the screen; by default that of the locale.
     #[arg(long, value_name = "LANG", value_enum, conflicts_with = "auto")]
     pub lang: Option<Lang>,
     /// Tests a simulated module: a good one, or the one that FILE (or a built-in name) describes.
@@ -76,44 +77,44 @@ pub(crate) struct RunArgs {
     /// The link to the simulated board.
     #[arg(long, value_name = "LINK", value_enum, default_value_t = SimLink::Rs422, requires = "sim")]
     pub sim_link: SimLink,
-    /// Puts the simulated CAN bus on interfaces of the kernel: the station's, and the board's if that is another one.
+    /// Puts the simulated CAN bus on kernel interfaces: HOST for the station, BOARD for the board; without BOARD both use HOST.
     #[arg(long, value_name = "HOST[,BOARD]", requires = "sim")]
     pub sim_can: Option<String>,
-    /// The bench file; `bench.toml` if that is there.
+    /// The bench file; by default `bench.toml`, if it exists.
     #[arg(long, value_name = "FILE")]
     pub bench: Option<PathBuf>,
     /// Serial number of the module.
     #[arg(long, value_name = "SN")]
     pub serial_number: Option<String>,
-    /// Who tests.
+    /// Name of the operator.
     #[arg(long, value_name = "NAME")]
     pub operator: Option<String>,
-    /// Which station this is; the bench file's, if not given.
+    /// Name of the station; by default the one in the bench file.
     #[arg(long, value_name = "ID")]
     pub station: Option<String>,
-    /// Where records go; the bench file's folder or `records`, if not given.
+    /// The records folder; by default the one that the bench file names, else `records`.
     #[arg(long, value_name = "DIR")]
     pub records: Option<PathBuf>,
-    /// Runs only these items of the plan: never a module's pass.
+    /// Runs only these items of the plan. Such a run never passes the module.
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     pub only: Option<Vec<String>>,
-    /// Runs the plan so many times, each with a record of its own.
+    /// Runs the plan N times and writes a record of each run.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub loops: u32,
-    /// Runs the plan again and again until this time is over ("2 h", "30 min"); a round under way is finished.
+    /// Repeats the plan until this time is over ("2 h", "30 min"); the last round is finished.
     #[arg(long, value_name = "TIME", conflicts_with = "loops", value_parser = parse_time)]
     pub until: Option<std::time::Duration>,
-    /// Whether a bad item ends the run and its loop, whatever the plan says.
+    /// Whether a bad item ends the run and its rounds, instead of what the plan says.
     #[arg(long, value_name = "stop|continue")]
     pub on_fail: Option<OnFailArg>,
-    /// Takes up a run that broke off: what it captured whole is taken over, if plan, module and bench are the same. The
-    /// screen asks first, and offers such a run of a scanned module by itself.
+    /// Resumes an interrupted run: reuses its complete captures, if plan, module and bench are the same. The screen asks
+    /// first, and offers an interrupted run of the scanned module by itself.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["loops", "until"])]
     pub resume: Option<PathBuf>,
-    /// Runs one item after the other, also where the plan's items could run at once.
+    /// Runs one item after the other, even where the plan lets items run at the same time.
     #[arg(long)]
     pub one_by_one: bool,
-    /// Writes the events as JSON lines to standard output; everything for people goes to standard error.
+    /// Writes the events as JSON lines to standard output, and all text for people to standard error.
     #[arg(long, requires = "auto")]
     pub events: bool,
 }
@@ -121,9 +122,9 @@ pub(crate) struct RunArgs {
 /// What a bad item means for the rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum OnFailArg {
-    /// The rest is skipped.
+    /// The remaining items are skipped.
     Stop,
-    /// The rest is run.
+    /// The remaining items run.
     Continue,
 }
 
@@ -138,6 +139,8 @@ impl From<OnFailArg> for OnFail {
 
 fn parse_time(text: &str) -> Result<std::time::Duration, String> {
     let time = Quantity::parse(text).map_err(|error| format!("{error}; {}", error.hint(Dimension::Time)))?;
-    let seconds = time.in_unit(Unit::Second).ok_or_else(|| "it is no time; write 2 h, 30 min or 90 s".to_owned())?;
-    std::time::Duration::try_from_secs_f64(seconds).map_err(|_| "it is no time that can pass".to_owned())
+    let seconds =
+        time.in_unit(Unit::Second).ok_or_else(|| "this is not a time; write 2 h, 30 min or 90 s".to_owned())?;
+    std::time::Duration::try_from_secs_f64(seconds)
+        .map_err(|_| "the time is negative or too long; write 2 h, 30 min or 90 s".to_owned())
 }

@@ -146,7 +146,7 @@ impl Observer for Shown<'_> {
         if let Some(error) = &ending.store_error {
             complain(
                 format_args!(
-                    "ERRORED: this run is no pass, since its record could not be written: {}; what there is lies in {}",
+                    "ERRORED: this run is not a pass, because its record could not be written: {}; the incomplete record is in {}",
                     with_causes(error),
                     folder.display()
                 ),

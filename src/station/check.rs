@@ -26,7 +26,7 @@ pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCod
                 Some(abilities) => {
                     Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?
                 }
-                None => return Ok((items, time, ", not held against any bench")),
+                None => return Ok((items, time, ", not checked against a bench")),
             };
             Ok((items, time, ""))
         });

@@ -12,8 +12,8 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0  passed or marginal
   1  failed: the module violates a limit
-  2  usage, or a plan or bench file is refused
-  3  errored: the station could not tell
+  2  the command line, a plan or a bench file is refused
+  3  errored: the station could not judge the module
   4  aborted by a person or a signal";
 
 /// Production test station for GNC modules. Without a command and without --auto it opens the operator's screen.
@@ -28,30 +28,30 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Lists the serial ports that are there.
+    /// Lists the serial ports of this computer.
     Ports,
-    /// Looks at ports, rights, buses, disk and clock, and names what mends them; changes nothing.
+    /// Checks ports, rights, buses, disk and clock, and names the command that mends each fault; changes nothing itself.
     Doctor {
-        /// The bench file; `bench.toml` if that is there.
+        /// The bench file; by default `bench.toml`, if it exists.
         #[arg(long, value_name = "FILE")]
         bench: Option<PathBuf>,
-        /// The records folder; the bench file's, if not given.
+        /// The records folder; by default the one that the bench file names.
         #[arg(long, value_name = "DIR")]
         records: Option<PathBuf>,
     },
     /// Computes calibrations, deviations and spectra from a record.
     Compute(crate::compute::Args),
-    /// Looks at plans without running them.
+    /// Checks plans without running them.
     Plan {
         #[command(subcommand)]
         what: PlanCommand,
     },
-    /// Works out all figures and verdicts of a run once more, from its raw record and its plan.
+    /// Recomputes all figures and verdicts of a run from its raw record and its plan.
     #[command(after_help = crate::recompute::EXIT_CODES)]
     Recompute {
-        /// Its folder, whole or below the records folder.
+        /// The run's folder: a path from here, or a path below the records folder.
         run: PathBuf,
-        /// Judges by this plan instead, into a new folder beside the run.
+        /// Judges the run by this plan instead, and writes the result to a new folder beside the run.
         #[arg(long, value_name = "FILE")]
         plan: Option<PathBuf>,
         /// The records folder.
@@ -60,19 +60,19 @@ enum Command {
     },
     /// Writes the raw samples of a run as tables, for programs that do not read MCAP.
     Export {
-        /// Its folder, whole or below the records folder.
+        /// The run's folder: a path from here, or a path below the records folder.
         run: PathBuf,
-        /// The form.
+        /// The format of the tables.
         #[arg(long, value_enum, default_value = "csv")]
         format: crate::export::Format,
-        /// The folder that is made for it; RUN-export here, if not given.
+        /// The folder to create for the tables; by default RUN-export in the current folder.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// The records folder.
         #[arg(long, value_name = "DIR", default_value = "records")]
         records: PathBuf,
     },
-    /// Looks through the records.
+    /// Lists, shows and verifies the records of runs.
     Records {
         #[command(subcommand)]
         what: RecordsCommand,
@@ -85,15 +85,15 @@ enum Command {
 /// What to do with plans.
 #[derive(Debug, Subcommand)]
 pub(crate) enum PlanCommand {
-    /// Reports all mistakes at once, each with line and column, also what the bench lacks.
+    /// Reports all mistakes in plans at once, each with line and column, and what the bench lacks for the plans.
     Check {
-        /// The plans.
+        /// The plan files.
         #[arg(required = true, value_name = "FILE")]
         plans: Vec<PathBuf>,
-        /// The bench that is to run them; `bench.toml` if that is there.
+        /// The bench file to check the plans against; by default `bench.toml`, if it exists.
         #[arg(long, value_name = "FILE", conflicts_with = "sim")]
         bench: Option<PathBuf>,
-        /// The simulated bench is to run them.
+        /// Checks the plans against the simulated bench.
         #[arg(long)]
         sim: bool,
     },

@@ -130,7 +130,8 @@ pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys) -> V
 
 fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<BenchFile> {
     if !named && !path.exists() {
-        let what = format!("no bench file: there is no {} here, so nothing but --sim can be tested", path.display());
+        let what =
+            format!("there is no bench file {}, so only simulated modules (--sim) can be tested", path.display());
         findings.push(Finding::warning(what, "name one with --bench FILE, or write one as docs/bench.md shows"));
         return None;
     }
@@ -141,7 +142,7 @@ fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<B
         }
         Err(refusal) => {
             let what = refusal.what.lines().collect::<Vec<_>>().join("; ");
-            findings.push(Finding::bad(format!("bench file {}: {what}", path.display()), "edit the file"));
+            findings.push(Finding::bad(format!("bench file {}: {what}", path.display()), "correct the file"));
             None
         }
     }

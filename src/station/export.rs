@@ -48,7 +48,7 @@ enum ExportError {
     Store(#[from] StoreError),
     #[error("{} holds no raw samples", folder.display())]
     Nothing { folder: PathBuf },
-    #[error("{} is there already", path.display())]
+    #[error("{} already exists", path.display())]
     Exists { path: PathBuf },
     #[error("{} cannot be written", path.display())]
     Parquet { path: PathBuf, source: ::parquet::errors::ParquetError },
@@ -60,10 +60,10 @@ impl ExportError {
             Self::Captures(error) => error.source.try_this(),
             Self::Store(error) => error.try_this(),
             Self::Nothing { .. } => {
-                "`gnc-station records list` shows the runs; only items that capture leave raw samples"
+                "choose another run with `gnc-station records list`; only items that capture write raw samples"
             }
             Self::Exists { .. } => "name another folder with --out",
-            Self::Parquet { .. } => "is the disk full? free some space, or name another folder with --out",
+            Self::Parquet { .. } => "free some space on the disk, or name another folder with --out",
         }
     }
 }
@@ -96,15 +96,15 @@ struct Doubt {
 /// Returns what a file and its captures lack.
 fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
     let cut_off = record.cut_off.then(|| Doubt {
-        what: format!("{} was cut off", file.display()),
-        try_this: "what stands before the end is exported",
+        what: format!("{} was cut off; the samples before the cut are exported", file.display()),
+        try_this: "check whether these samples are enough, or run the item again",
     });
     let lossy = record.captures.iter().filter(|capture| capture.losses.any()).map(|capture| {
         let lost = u64::from(capture.losses.on_board) + u64::from(capture.losses.on_line);
         let label = printable(&capture.about.label);
         Doubt {
             what: format!(
-                "{}: capture `{label}` lost {lost} samples, which `number` and `t_s` do not count",
+                "{}: capture `{label}` lost {lost} samples, and the columns `number` and `t_s` do not count them",
                 file.display()
             ),
             try_this: "take the number and the time of each sample from the MCAP file, or leave the capture out",

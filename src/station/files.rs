@@ -74,7 +74,7 @@ fn read(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
 
 fn cannot_read(what: &str, path: &Path, error: &io::Error) -> CommandRefusal {
     let try_this = match error.kind() {
-        io::ErrorKind::NotFound => "check the path; it goes from the folder you are in",
+        io::ErrorKind::NotFound => "check the path; it starts at the current folder",
         io::ErrorKind::IsADirectory => "name the file in that folder",
         io::ErrorKind::PermissionDenied => "make it readable for this user",
         _ => "check the disk",

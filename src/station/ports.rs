@@ -14,7 +14,7 @@ pub(crate) fn run() -> ExitCode {
     };
     let mut out = std::io::stdout();
     if ports.is_empty() {
-        let _ = writeln!(out, "no serial port is there; plug in an adapter, or use --sim");
+        let _ = writeln!(out, "this computer has no serial port; plug in an adapter, or use --sim");
     }
     for port in ports {
         let what = match port.port_type {

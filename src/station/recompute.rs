@@ -27,10 +27,10 @@ const DIFFERS: u8 = 1;
 /// The part of `--help` about exit codes.
 pub(crate) const EXIT_CODES: &str = "\
 Exit codes without --plan:
-  0  everything came out as it was, bit for bit
-  1  something differs, or the record is not as it was written
+  0  all results are the same, bit for bit
+  1  a result differs, or the record is not as it was written
   2  the run cannot be recomputed
-Exit codes with --plan: those of a run, by the verdict under the other plan.";
+Exit codes with --plan: those of a run, by the verdict under that plan.";
 
 /// Judges a run again; with another plan into a new folder beside it.
 pub(crate) fn run(run: &Path, within: &Path, plan: Option<&Path>) -> ExitCode {
@@ -64,11 +64,13 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
     if problems.is_empty() && same {
         return Ok(ExitCode::SUCCESS);
     }
-    let try_this = match problems.is_empty() {
-        true => "compare the program's version with that of the record; report this if it is the same",
-        false => "restore what was changed from a backup",
-    };
-    complain("the run does not come out as it was", try_this);
+    match problems.is_empty() {
+        true => complain(
+            "the recomputed results differ from the record",
+            "compare the version of this program with that in the record; report this if they are the same",
+        ),
+        false => complain("the record is not as it was written", "restore the changed files from a backup"),
+    }
     Ok(ExitCode::from(DIFFERS))
 }
 

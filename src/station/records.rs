@@ -36,8 +36,12 @@ fn make_key(file: &Path) -> ExitCode {
     match StationKey::create(file) {
         Ok(public) => {
             let mut out = std::io::stdout().lock();
-            let _ = writeln!(out, "{}: name it as key under [station] in the bench file, and keep it", file.display());
-            let _ = writeln!(out, "{}: give it to whoever verifies records", public.display());
+            let _ = writeln!(
+                out,
+                "{}: name this private key as key under [station] in the bench file, and keep it secret",
+                file.display()
+            );
+            let _ = writeln!(out, "{}: give this public key to the people who verify records", public.display());
             ExitCode::SUCCESS
         }
         Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
@@ -113,7 +117,7 @@ fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<E
         let (whole, place) = (found.problems.is_empty(), folder.display());
         let _ = match &found.newer {
             Some(why) if whole => {
-                writeln!(out, "{place}: {why}: its digests agree, and its journal is not compared with them")
+                writeln!(out, "{place}: {why}: its digests agree, but this version cannot compare its journal")
             }
             Some(why) => writeln!(out, "{place}: {why}"),
             None if whole => writeln!(out, "{place}: as written"),
@@ -130,13 +134,13 @@ fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<E
         bad += along_the_chain(records, &mut out)?;
     }
     if bad > 0 {
-        let try_this = "run the module again where a run was interrupted; restore what was changed from a backup";
+        let try_this = "test the module of an interrupted run again; restore changed files from a backup";
         complain("these records are not as they were written, so they prove nothing", try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
     }
     if newer > 0 {
         let what = format!(
-            "{newer} of these records were written by a newer version of the station: nothing is known to be wrong"
+            "a newer version of the station wrote {newer} of these records: this version found nothing wrong, but cannot check all of them"
         );
         return Ok(refuse(what, "verify them with that version, or a later one"));
     }
@@ -147,8 +151,11 @@ fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<E
 fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usize, StoreError> {
     let chain::ChainCheck { runs, first, problems } = chain::verify(records)?;
     if problems.is_empty() && runs > 0 {
-        let elsewhere =
-            if first > 1 { format!(" from run {first} on; earlier ones are elsewhere") } else { String::new() };
+        let elsewhere = if first > 1 {
+            format!(" from run {first} on; earlier runs are not in this folder")
+        } else {
+            String::new()
+        };
         let _ = writeln!(out, "the chain of {runs} closed runs is whole{elsewhere}");
     }
     for problem in &problems {
@@ -201,5 +208,5 @@ pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, Command
 
 pub(crate) fn no_such(named: &Path) -> ExitCode {
     let what = format!("there is no run {}", printable(&named.to_string_lossy()));
-    refuse(what, "name a run's folder or a serial number; `gnc-station records list` shows what is there")
+    refuse(what, "name a run's folder or a serial number; `gnc-station records list` shows the runs")
 }

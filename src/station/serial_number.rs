@@ -10,9 +10,9 @@ pub(crate) const MAX_CHARACTERS: usize = 64;
 pub(crate) enum SerialNumberError {
     #[error("the serial number is empty")]
     Empty,
-    #[error("the serial number has {characters} characters, at most {MAX_CHARACTERS} are taken")]
+    #[error("the serial number has {characters} characters, at most {MAX_CHARACTERS} are allowed")]
     TooLong { characters: usize },
-    #[error("the serial number {} holds control characters", quoted(text))]
+    #[error("the serial number {} contains control characters", quoted(text))]
     Control { text: String },
 }
 

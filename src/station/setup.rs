@@ -126,7 +126,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         Some(path) => path.clone(),
         None if Path::new(BENCH_FILE).exists() => BENCH_FILE.into(),
         None => {
-            let what = format!("no bench: there is no {BENCH_FILE} here");
+            let what = format!("no bench file is named, and there is no {BENCH_FILE} in this folder");
             return Err(CommandRefusal::new(
                 what,
                 "name a bench file with --bench FILE, or test a simulated module with --sim",
@@ -136,10 +136,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
     let (file, text) = files::bench_and_text(&path)?;
     let Some(socket) = file.socket.clone() else {
         let what = format!("{} names no port: it has no [socket]", path.display());
-        return Err(CommandRefusal::new(
-            what,
-            "add [socket] with port and rate; `gnc-station ports` lists what is there",
-        ));
+        return Err(CommandRefusal::new(what, "add [socket] with port and rate; `gnc-station ports` lists the ports"));
     };
     let can = file.can.as_ref().map(|can| CanTarget::parse(&can.port));
     let target = match (socket, &can) {

@@ -42,7 +42,7 @@ struct Args {
 fn main() -> ExitCode {
     let args = Args::parse();
     if args.twice && args.over == Over::Pty {
-        let why = "over pseudo-terminals no run is the same twice: leave --twice or --over pty out";
+        let why = "over pseudo-terminals no run is the same twice: leave out --twice or --over pty";
         Args::command().error(ErrorKind::ArgumentConflict, why).exit();
     }
     let runs = args.only.map_or(0..args.runs, |only| only..only + 1);

@@ -31,13 +31,13 @@ pub fn violations(case: &Case, ran: &Ran) -> Vec<String> {
     let mut found: Vec<String> = ran.problems.clone();
     let Some(record) = &ran.record else {
         if found.is_empty() {
-            found.push("it left no record".to_owned());
+            found.push("the run left no record".to_owned());
         }
         return found;
     };
     let expected = Personality::from_toml(case.board, &case.text()).ok();
     let Some(expected) = expected.as_ref().and_then(|personality| personality.expect.get("functional")) else {
-        found.push(format!("{} expects nothing of the plan", case.board));
+        found.push(format!("board {} has no expectation for the plan", case.board));
         return found;
     };
     if ran.outcome != Some(record.outcome) {
@@ -58,10 +58,10 @@ fn verdicts(case: &Case, record: &RunRecord, expected: &Expectation, found: &mut
         let may_fail = is_bad && expected.outcome == "failed";
         let failed = item.attempts.iter().any(|attempt| attempt.outcome == Outcome::Failed);
         if (failed || item.outcome == Outcome::Failed) && !may_fail {
-            found.push(format!("{} failed, and nothing is wrong with it", item.name));
+            found.push(format!("{} failed, but nothing is wrong with it", item.name));
         }
         if is_bad && item.outcome.is_good() {
-            found.push(format!("{} is {}, and it is bad", item.name, item.outcome));
+            found.push(format!("{} is {}, but it is bad", item.name, item.outcome));
         }
     }
     let reached = expected.items.is_empty() || record.items.iter().any(|item| is_judged(item, expected));
@@ -69,7 +69,7 @@ fn verdicts(case: &Case, record: &RunRecord, expected: &Expectation, found: &mut
         found.push(format!("a bad module is {}", record.outcome));
     }
     if record.outcome == Outcome::Failed && expected.outcome != "failed" {
-        found.push("a good module is failed".to_owned());
+        found.push("a good module failed".to_owned());
     }
     if case.kinds.is_empty() && case.disturbance == Disturbance::None && reached {
         let good = |outcome: Outcome| outcome.is_good() && expected.outcome == "passed";
@@ -89,10 +89,10 @@ fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
     let broken_off =
         record.items.iter().any(|item| item.selected && matches!(item.outcome, Outcome::Aborted | Outcome::NotRun));
     if record.stop.is_some() && broken_off && record.outcome != Outcome::Aborted {
-        found.push(format!("it was stopped and is {}", record.outcome));
+        found.push(format!("the run was stopped, but is {}", record.outcome));
     }
     if record.stop.is_some() && !matches!(case.disturbance, Disturbance::Stop { .. }) {
-        found.push("nobody asked for a stop, and it stopped".to_owned());
+        found.push("the run stopped without a request to stop".to_owned());
     }
     if ran.off_after.is_none() {
         found.push("the module is still on".to_owned());
@@ -105,7 +105,7 @@ fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
         Disturbance::Unplug { back: None } => SAFE_BY_WATCHDOG,
     };
     if let Some(off) = ran.off_since_disturbed.filter(|off| ran.in_memory && case.kinds.is_empty() && *off > bound) {
-        found.push(format!("the module was off {off:?} after it was disturbed, and not within {bound:?}"));
+        found.push(format!("the module was off {off:?} after the disturbance, not within {bound:?}"));
     }
 }
 
@@ -139,13 +139,13 @@ fn losses(case: &Case, ran: &Ran, record: &RunRecord) -> Option<String> {
     // If a computer stands still, timeouts also break off a message of many frames on CAN.
     let undisturbed = case.link == Link::Rs422 || ran.in_memory;
     if undisturbed && !harmed && booked != Booked::default() {
-        return Some(format!("the line did nothing, and the station books {booked:?}"));
+        return Some(format!("the line spoilt nothing, but the station counts {booked:?}"));
     }
     let (missing, missable) = counted_losses(case, ran)?;
     if (missing..=missing + BEHIND_THE_END).contains(&missable) {
         return None;
     }
-    Some(format!("{missing} frames are booked as missing; the line spoilt {missable} that could be missed"))
+    Some(format!("the station counts {missing} missing frames, but the line spoilt {missable}"))
 }
 
 /// Frames that the station reports as missing, and those that it could miss by the line's own count; `None` unless the

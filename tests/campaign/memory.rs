@@ -74,7 +74,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
         let mut ran = Ran { took: at - world.began, in_memory: true, ..Ran::default() };
         ran.since_disturbed = world.disturbed.map(|disturbed| at - disturbed);
         let Ok(done) = ended else {
-            ran.problems.push(format!("it did not come to an end within {LONGEST:?}"));
+            ran.problems.push(format!("the run did not end within {LONGEST:?}"));
             return Ok(ran);
         };
         let truth = world.bench.truth();

@@ -64,7 +64,7 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     let took = began.elapsed();
     let mut ran = Ran { took, since_disturbed: disturbed.map(|at| at.elapsed()), ..Ran::default() };
     let Some(ended) = ended else {
-        ran.problems.push(format!("it did not come to an end within {LONGEST:?}"));
+        ran.problems.push(format!("the run did not end within {LONGEST:?}"));
         // The thread is left alone: a thread that hangs cannot be ended.
         return Ok(ran);
     };
@@ -129,7 +129,7 @@ fn watch(
             Ok(News::Ended(ended)) => return Ok((Some(ended), disturbed, off)),
             Err(RecvTimeoutError::Timeout) if Instant::now() < end => {}
             Err(RecvTimeoutError::Timeout) => return Ok((None, disturbed, None)),
-            Err(RecvTimeoutError::Disconnected) => return Err("the station's thread came to grief".to_owned()),
+            Err(RecvTimeoutError::Disconnected) => return Err("the station's thread panicked".to_owned()),
         }
     }
 }

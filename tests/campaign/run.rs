@@ -111,9 +111,9 @@ pub fn differs(case: &Case, first: &Ran) -> Option<String> {
     let (one, other) = (lines(first), lines(&again));
     let differs = one.iter().zip(&other).find(|(one, other)| one != other);
     match differs {
-        Some((one, other)) => Some(format!("run again it was another run:\n  {one}\n  {other}")),
+        Some((one, other)) => Some(format!("the second run with this seed differs:\n  {one}\n  {other}")),
         None if (first.journal.len(), first.took, first.line) != (again.journal.len(), again.took, again.line) => {
-            Some("run again it ended elsewhere".to_owned())
+            Some("the second run with this seed ended at another point".to_owned())
         }
         None => None,
     }

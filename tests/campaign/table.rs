@@ -72,8 +72,8 @@ fn names(judged: &Judged) -> Vec<String> {
     let case = &judged.case;
     let happened = judged.ran.since_disturbed.is_some();
     let disturbance = match case.disturbance {
-        _ if !happened => "nobody touched it",
-        Disturbance::None => "nobody touched it",
+        _ if !happened => "undisturbed",
+        Disturbance::None => "undisturbed",
         Disturbance::Stop { again: None } => "stopped in order",
         Disturbance::Stop { again: Some(_) } => "stopped in order, then at once",
         Disturbance::Suspend(_) => "suspended",
@@ -124,7 +124,7 @@ fn yields(all: &[Judged]) -> String {
         let (at_first, passed, runs) = of(clean);
         let _ = writeln!(
             text,
-            "good modules that nobody touched, on a {name} line: {at_first} of {runs} passed at first, {passed} in the end"
+            "undisturbed good modules on a {name} line: {at_first} of {runs} passed at first, {passed} in the end"
         );
     }
     text

@@ -173,7 +173,7 @@ fn a_run_that_broke_off_is_offered() {
     leaves(terminal);
     // On request it is refused with the reason, and nothing runs.
     let mut terminal = open_long(&place, &["--resume", broken.to_str().expect("UTF-8")]);
-    terminal.wait_for("C-1: F5 takes up");
+    terminal.wait_for("C-1: F5 resumes");
     terminal.types(F5);
     terminal.wait_for("had the plan with the digest");
     terminal.types(ESC);
@@ -184,7 +184,7 @@ fn a_run_that_broke_off_is_offered() {
     let mut terminal = open_long(&place, &[]);
     terminal.types(b"C-1\r");
     terminal.types(F5);
-    terminal.wait_for("captured whole");
+    terminal.wait_for("capture the rest");
     terminal.types(b"\r");
     ends(&mut terminal, "passed");
     leaves(terminal);
@@ -201,7 +201,7 @@ fn a_run_that_broke_off_is_offered() {
     // requested.
     let mut terminal = open_long(&place, &["--resume", broken.to_str().expect("UTF-8")]);
     terminal.types(F5);
-    terminal.wait_for("captured whole");
+    terminal.wait_for("capture the rest");
     terminal.types(ESC);
     leaves(terminal);
     let mut terminal = open_long(&place, &[]);

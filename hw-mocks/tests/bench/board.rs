@@ -86,13 +86,10 @@ fn refusals_name_what_is_wrong() {
         (host.refusal(&AdRead { channels: 0, samples: 1 }), "channels 0 is not in 1 to 255"),
         (host.refusal(&IoTest { driver: 2, reader: 2, level: 0 }), "driver and reader are both line 2"),
         (host.refusal(&RamTest { ram: 2, pattern: 0 }), "ram 2 is not one of 0 (internal), 1 (SDRAM)"),
-        (
-            host.refusal(&CpuIntegers { core: 1, pairs: list(&[[1, 1], [1, 0]]) }),
-            "b of pair 1 is 0, which divides nothing",
-        ),
+        (host.refusal(&CpuIntegers { core: 1, pairs: list(&[[1, 1], [1, 0]]) }), "b of pair 1 is 0; it must not be 0"),
         (
             host.refusal(&CpuFloats { core: 1, pairs: list(&[[f64::NAN, 1.0]]) }),
-            "pair 0 (NaN, 1e0): operands are finite and b is not 0",
+            "pair 0 (NaN, 1e0): operands must be finite, and b not 0",
         ),
         (host.refusal(&CpuWords { core: 0, target: 0, words: list(&[]) }), "core 0 is not in 1 to 2"),
         (

@@ -112,7 +112,7 @@ fn refused(text: &str, expected: &[&str]) {
 fn mistakes_are_told_with_line_and_column() {
     refused("[timers]\nrate_error_ppm = 1e9\n", &["2:18: rate_error_ppm is 1e9, and must be -500000 to 500000"]);
     refused("[timers]\nrate_error_ppm = nan\n", &["2:18: rate_error_ppm is nan, and must be -500000 to 500000"]);
-    refused("[io]\nshorted = [[2, 2]]\n", &["2:16: 2 stands twice in shorted [two different ones are needed]"]);
+    refused("[io]\nshorted = [[2, 2]]\n", &["2:16: 2 is twice in shorted [write two different numbers]"]);
     refused("[gyro]\nstuck_axes = [\"x\", \"w\"]\n", &["2:20: stuck_axes cannot be \"w\" [it may be x, y, z]"]);
     refused("[reboot]\non = \"dram\"\n", &["2:6: on cannot be \"dram\" [did you mean \"sdram\"?]"]);
     refused(
@@ -207,7 +207,7 @@ fn a_hint_names_no_key_that_is_refused() {
 /// A key that is read and then changes nothing lets its writer believe in a fault that is not there.
 #[test]
 fn a_key_without_effect_is_refused() {
-    refused("[gyro]\ny_skew_us = 10\n", &["2:1: [gyro] takes no y_skew_us [only [mag] does]"]);
+    refused("[gyro]\ny_skew_us = 10\n", &["2:1: [gyro] takes no y_skew_us [write it in [mag]]"]);
     refused("[gyro]\nwander_s = 10\n", &["2:1: wander_s changes nothing alone [write wander_dph beside it]"]);
     refused(
         "[wire.both]\ndelay_ms = 10\nstalled_frames_per_million = 1\n",
@@ -223,7 +223,7 @@ fn a_key_without_effect_is_refused() {
     refused(
         "[reboot]\nnth = 2\n",
         &[
-            "1:2: [reboot] says nothing of when [write on = \"sdram\", or at_board_time_s = 60.0]",
+            "1:2: [reboot] does not say when the board restarts [write on = \"sdram\", or at_board_time_s = 60.0]",
             "2:1: nth changes nothing alone [write on beside it]",
         ],
     );
@@ -232,7 +232,7 @@ fn a_key_without_effect_is_refused() {
         &[
             "2:1: no_sky changes nothing beside a playback [remove one of the two]",
             "3:12: playback \"no.nmea\" cannot be read: files are read beside a board's own file only \
-             [it is a log of NMEA or UBX beside this file]",
+             [name a log of NMEA or UBX in the folder of this file]",
         ],
     );
     refused("[gnss]\nplayback_hz = 2.0\n", &["2:1: playback_hz changes nothing alone [write playback beside it]"]);
@@ -287,7 +287,7 @@ fn what_real_sensors_do_is_checked() {
     refused("[accel]\nclip_low_g = nan\n", &["2:14: clip_low_g is nan, and must be -inf to inf"]);
     refused(
         "[accel]\nclip_low_g = [-inf, -inf, 2.0]\nclip_high_g = [inf, inf, 1.0]\n",
-        &["3:15: clip_high is not above clip_low"],
+        &["3:15: clip_high is not above clip_low [write a larger clip_high or a smaller clip_low]"],
     );
     refused(
         "[gyro]\nspikes = { share = 0.1, size_dps = 1, axis = \"w\" }\n",
@@ -346,7 +346,7 @@ shorted_address_lines = [5, 5]
         "[gnss]\nplayback = \"no.nmea\"\nplayback_hz = 2.0\n[rails]\nv5_v = 7.0\n",
         &[
             "2:12: playback \"no.nmea\" cannot be read: files are read beside a board's own file only \
-             [it is a log of NMEA or UBX beside this file]",
+             [name a log of NMEA or UBX in the folder of this file]",
             "5:8: v5_v is 7.0, and must be 0 to 6",
         ],
     );

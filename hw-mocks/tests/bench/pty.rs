@@ -249,8 +249,8 @@ fn program_serves_takes_commands_and_ends() {
     assert_eq!(program.say("rotate 1080 5"), "ok");
     assert_eq!(program.say("stop"), "ok");
     assert_eq!(program.say("orient down z+ 0"), "error \"down\" is not one of up, north, polar");
-    assert_eq!(program.say("heading north"), "error \"north\" is no number");
-    assert_eq!(program.say("jump"), "error \"jump\" is no command; help lists them");
+    assert_eq!(program.say("heading north"), "error \"north\" is not a number");
+    assert_eq!(program.say("jump"), "error \"jump\" is not a command; help lists the commands");
     writeln!(program.child.stdin.as_mut().unwrap(), "quit").unwrap();
     assert_eq!(program.code(), Some(0));
     assert!(!link.is_symlink());

@@ -230,7 +230,7 @@ fn the_table_refuses_what_it_cannot_do() {
     host.bench.rotate(10.0, 5.0).unwrap();
     assert_eq!(
         TurntableError::from(TableRefusal::TooFast { rate_dps: 9000.0 }).to_string(),
-        "9000 deg/s are more than the 7200 deg/s of the turntable"
+        "the turntable turns at up to 7200 deg/s, but 9000 deg/s are needed"
     );
 }
 

@@ -127,7 +127,9 @@ impl Writer {
                 self.say(&format!("note: {}", printable(text)));
             }
             EventKind::BoardRebooted { .. } => self.say("note: the slave board restarted"),
-            EventKind::StopRequested { by, .. } => self.say(&format!("stopping: {} (again: at once)", printable(by))),
+            EventKind::StopRequested { by, .. } => {
+                self.say(&format!("stopping: {} (repeat it to stop at once)", printable(by)));
+            }
             EventKind::RunEnded { .. } => self.ended(),
             _ => {}
         }
@@ -168,7 +170,7 @@ impl Writer {
             self.bar_drawn = true;
         } else if Instant::now() >= self.line_due {
             self.line_due = Instant::now() + LINE_EVERY;
-            self.say(&format!("  at work: {line}"));
+            self.say(&format!("  running: {line}"));
         }
     }
 

@@ -143,7 +143,7 @@ fn program() {
     let mut keys: Vec<f64> = (0..20)
         .map(|index| {
             let key: &[u8] = if index % 2 == 0 { b"\x1bOP" } else { b"\x1b" };
-            let shows = if index % 2 == 0 { "Begin no further item" } else { "Elapsed " };
+            let shows = if index % 2 == 0 { "Start no more items" } else { "Elapsed " };
             let began = Instant::now();
             screen.types(key);
             screen.wait_for(shows);

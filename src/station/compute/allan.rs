@@ -42,7 +42,7 @@ impl From<Dev> for DeviationKind {
 pub(super) struct AllanArgs {
     /// Table with a header row
     file: PathBuf,
-    /// Sample rate, Hz; without it the record tells it, by its time column or as a raw capture
+    /// Sample rate, Hz; by default that of the time column or of the raw capture
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// Column to analyse
@@ -71,7 +71,7 @@ fn taus(text: &str) -> Result<Taus, String> {
         "all" => Ok(Taus::All),
         list => list
             .split(',')
-            .map(|t| t.trim().parse().map_err(|_| format!("`{t}` is neither octave, decade, all nor a time in s")))
+            .map(|t| t.trim().parse().map_err(|_| format!("`{t}` is not octave, decade, all or a time in s")))
             .collect::<Result<_, _>>()
             .map(Taus::Seconds),
     }

@@ -12,7 +12,7 @@ use super::table::Columns;
 /// What the gate looks at beside the columns of the method.
 #[derive(Debug, Args)]
 pub(super) struct GateColumns {
-    /// Further columns, separated by commas, whose failed reads, spikes and stale rows count for the method too
+    /// More columns, separated by commas: their failed reads, spikes and stale rows make a row bad too
     #[arg(long = "gate-columns", value_name = "COLUMNS", value_delimiter = ',')]
     names: Vec<String>,
 }

@@ -51,10 +51,10 @@ impl EllipseArgs {
             .put("radius", "of the corrected circle", e.radius)
             .put("residual_rms", "normal distance", e.residual_rms)
             .put("residual_peak", "radius error after correction, relative", e.residual_peak)
-            .put("residual_rms_as_printed", "radius error with the print's correction", e.residual_rms_as_printed)
+            .put("residual_rms_as_printed", "radius error with the published correction", e.residual_rms_as_printed)
             .put(
                 "extremes",
-                "the print's figures",
+                "by the published formulas, from the extremes",
                 json!({ "dx": e.extremes.dx, "dy": e.extremes.dy, "ky": e.extremes.ky }),
             )
             .put("rejected", "points", e.rejected)

@@ -65,7 +65,8 @@ impl Record {
         }
         let raw = Raw { path: path.to_owned(), triad, captures };
         if raw.captures.is_empty() {
-            return Err(raw.unfit("it holds no such capture that has an end".into()).into());
+            let which = label.map_or_else(String::new, |label| format!(" `{label}`"));
+            return Err(raw.unfit(format!("it has no complete capture{which}")).into());
         }
         Ok(Self::Raw(raw))
     }
@@ -151,7 +152,7 @@ impl Raw {
         self.check(&used, wanted, of_positions)?;
         for (values, name) in numbers.iter_mut().zip(wanted.numbers) {
             let Some((column, axis)) = self.column(name) else {
-                return Err(self.unfit(format!("no column `{name}`; raw captures have gyro_x to mag_z")));
+                return Err(self.unfit(format!("there is no column `{name}`; raw captures have gyro_x to mag_z")));
             };
             for capture in &used {
                 values.extend((0..capture.samples.len()).map(|row| column(capture, row, axis)));
@@ -172,12 +173,12 @@ impl Raw {
 
     fn check(&self, used: &[&Capture], wanted: &Wanted, of_positions: bool) -> Result<(), RecordError> {
         if used.is_empty() {
-            return Err(self.unfit("none of its captures is what this method works with".into()));
+            return Err(self.unfit("it has no capture that this method can use".into()));
         }
         if used.len() > 1 && wanted.label.is_none() && !of_positions {
             let labels: Vec<String> = used.iter().take(20).map(|capture| format!("#{}", capture.about.label)).collect();
             return Err(self.unfit(format!(
-                "it holds {} captures; put one behind its name: {}",
+                "it holds {} captures; add the name of one to the path: {}",
                 used.len(),
                 labels.join(" ")
             )));
@@ -207,7 +208,7 @@ fn rate(captures: &[&Capture]) -> Result<f64, String> {
     let rates_hz: BTreeSet<u16> = captures.iter().map(|capture| capture.about.rate_hz).collect();
     match rates_hz.iter().copied().collect::<Vec<_>>().as_slice() {
         [rate_hz] => Ok(f64::from(*rate_hz)),
-        several => Err(format!("the captures have several, {several:?} Hz")),
+        several => Err(format!("the captures have different rates, {several:?} Hz")),
     }
 }
 

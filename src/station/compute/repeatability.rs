@@ -73,7 +73,7 @@ impl RepeatabilityArgs {
             );
         match &gated {
             Some(gated) => report.put("gate", "rows", gated.json()),
-            None => report.absent("gate", "every row is a run: no row is beside another"),
+            None => report.absent("gate", "every row is a run, so no row has neighbours to compare with"),
         };
         if found.mean == 0.0 {
             report.absent("relative", "the mean is zero");

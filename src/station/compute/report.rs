@@ -75,7 +75,7 @@ impl FigureReport {
     /// Adds facts about the record itself: what was understood of its form, its units and its clock.
     pub(super) fn record(&mut self, columns: &Columns) -> &mut Self {
         let understood = &columns.about.understood;
-        let line = if understood.is_empty() { "as it stands".to_owned() } else { understood.join(", ") };
+        let line = if understood.is_empty() { "plain table".to_owned() } else { understood.join(", ") };
         self.entries.push(Entry { key: "understood", unit: String::new(), body: Body::Told(line, json!(understood)) });
         let units: Vec<(&String, &String)> =
             columns.names.iter().zip(&columns.units).filter_map(|(name, unit)| Some((name, unit.as_ref()?))).collect();
@@ -208,10 +208,10 @@ fn told(clock: &RecordClock) -> (String, Value) {
                 let _ = write!(said, ", jitter {:.digits$} s", rate.jitter_s);
             }
             if rate.samples_per_stamp > 1.05 {
-                let _ = write!(said, ", {:.2} samples a stamp", rate.samples_per_stamp);
+                let _ = write!(said, ", {:.2} samples per stamp", rate.samples_per_stamp);
             }
             if let Some(tolerance) = tolerance {
-                let _ = write!(said, ", within {} ppm of the rate stated", (tolerance * 1e8).round() / 100.0);
+                let _ = write!(said, ", within {} ppm of the stated rate", (tolerance * 1e8).round() / 100.0);
             }
             let _ = write!(said, " (column {column})");
             let object = json!({

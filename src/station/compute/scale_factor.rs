@@ -20,7 +20,7 @@ const MANY_POINTS: usize = 100;
 
 #[derive(Debug, Args)]
 pub(super) struct ScaleFactorArgs {
-    /// Columns rate,x: one row a rate, or many in a block, which are averaged; optional columns cycle, point
+    /// Columns rate,x: one row per rate, or a block of rows per rate, which is averaged; optional columns cycle, point
     file: PathBuf,
     /// Column of the output
     #[arg(long, value_name = "NAME", default_value = "x")]
@@ -66,11 +66,7 @@ impl ScaleFactorArgs {
         let mut report = self.report(&read, &found);
         report.put("gate", "rows", gated.json());
         if points.len() > MANY_POINTS && points.iter().all(|p| p.rows == 1) {
-            report.put(
-                "note",
-                "",
-                "every row has a rate of its own: number the points in a column point to average them",
-            );
+            report.put("note", "", "every row has its own rate: number the points in a column `point` to average them");
         }
         Ok(ComputeOutcome { report, panels: self.panels(&found) })
     }
@@ -96,7 +92,7 @@ impl ScaleFactorArgs {
                 json!({ "scale_factor": k.expanded(), "offset": offset.expanded() }),
             )
             .put("expanded_ppm", "of the scale factor, relative", k.expanded() / k.value.abs() * PPM)
-            .put("label", "", "an error of the rates that all points share goes into scale_factor one to one, unseen")
+            .put("label", "", "an error that all rates share goes into scale_factor in full, and no figure shows it")
             .put("residual_rms", format!("unit of {}", self.column), c.residual_rms)
             .put("full_scale", format!("unit of {}, to which nonlinearity_full_scale refers", self.input), c.full_scale)
             .put(
@@ -182,7 +178,7 @@ fn largest(found: &Largest) -> Value {
     let ends = found.interval.map(|(low, high)| (low * PPM, high * PPM)).unzip();
     let mut value = json!({ "ppm": found.value * PPM, "at_rate": found.rate, "low_ppm": ends.0, "high_ppm": ends.1 });
     if found.interval.is_none() {
-        value["interval_absent"] = json!("it needs repeated points, alike in every cycle");
+        value["interval_absent"] = json!("it needs the same repeated points in every cycle");
     }
     value
 }

@@ -18,7 +18,7 @@ use super::{ComputeError, ComputeOutcome};
 struct Source {
     /// Table with a header row
     file: PathBuf,
-    /// Sample rate, Hz; without it the record tells it, by its time column or as a raw capture
+    /// Sample rate, Hz; by default that of the time column or of the raw capture
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// Column to analyse

@@ -39,10 +39,10 @@ const MOST_VALUES: usize = 1 << 29;
 /// How records are read, where the file leaves it open.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct ReadingOptions {
-    /// What stands before the decimals, where the file does not show it
+    /// The decimal sign, if the file does not show which one it uses
     #[arg(long, global = true, value_enum, value_name = "SIGN")]
     pub(super) decimal: Option<Decimal>,
-    /// How far the time column may be off the stated rate, ppm [default: 10 for rotation, else 1000]
+    /// Allowed difference between the time column and the stated rate, ppm [default: 10 for rotation, else 1000]
     #[arg(long, global = true, value_name = "PPM")]
     pub(super) rate_tolerance: Option<f64>,
     /// The one capture of an export that is wanted.

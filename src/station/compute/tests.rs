@@ -162,11 +162,11 @@ fn six_positions() {
     refuses(words, &table(head, [rows.clone(), rows[..9].to_vec()].concat()), "`x+` stands in two separated blocks");
     refuses(words, &table(head, [vec!["x+,nan,0,0".to_owned()], rows.clone()].concat()), "x: sample 0 is NaN");
     refuses(&format!("{words} --saturation 9000"), &table(head, rows.clone()), "x is saturated");
-    cannot_read(words, &table(head, ["x+,1,2".to_owned()]), ":2:7: row has 3 fields, the header 4");
+    cannot_read(words, &table(head, ["x+,1,2".to_owned()]), ":2:7: row has 3 fields, the header has 4");
     cannot_read(
         words,
         &table(head, ["up,1,2,3".to_owned()]),
-        ":2:1: `up` in column `position` is none of x+ x- y+ y- z+ z-",
+        ":2:1: `up` in column `position` is not one of x+ x- y+ y- z+ z-",
     );
 }
 
@@ -388,12 +388,12 @@ fn units_of_a_header_are_used() {
         assert!((bias(&json) / bias(&plain) - 1.0).abs() < 1e-9, "{head}: {json:#}");
     }
     let rad = table("position,x [rad/s],y [rad/s],z [rad/s]", rows(1.0));
-    cannot_read(&format!("{words} --deg"), &rad, "are in rad/s, --deg in deg/s");
-    cannot_read(&format!("{words} --response 1000"), &rad, "are in rad/s, --response that they are counts");
+    cannot_read(&format!("{words} --deg"), &rad, "are in rad/s, but --deg says deg/s");
+    cannot_read(&format!("{words} --response 1000"), &rad, "are in rad/s, but --response says that they are counts");
     let wrong = table("position,x [mg],y [mg],z [mg]", rows(1.0));
-    cannot_read(words, &wrong, "column `x` is in mg, and the method is about angular rate");
+    cannot_read(words, &wrong, "column `x` is in mg, but the method works with angular rate");
     let some = table("position,x [rad/s],y,z", rows(1.0));
-    cannot_read(words, &some, "column `x` has rad/s, column `y` no unit");
+    cannot_read(words, &some, "column `x` has rad/s, column `y` has no unit");
 }
 
 #[test]
@@ -461,7 +461,11 @@ fn the_record_tells_its_rate() {
         cannot_read("allan --column w", &stamped(head, step, 0.0, 400), why);
     };
     unknown("n,w", 1.0, "the sample rate is not known: no time column");
-    unknown("timestamp,w", 7.0, "the sample rate is not known: the header names no unit of `timestamp`; it has no gap");
+    unknown(
+        "timestamp,w",
+        7.0,
+        "the sample rate is not known: the header names no unit of `timestamp`; its times have no gap",
+    );
     unknown(
         "t,w",
         5.0,
@@ -476,8 +480,8 @@ fn the_record_tells_its_rate() {
     let record = table("t_s,run,x,y,z", jittery);
     match compute("rotation --turns 3", &record) {
         Err(e @ ComputeError::Unreadable(_)) => {
-            assert!(e.to_string().contains("ppm, and the method needs it to 10 ppm"), "{e}");
-            assert_eq!(e.try_this(), Some("say it: --rate HZ"));
+            assert!(e.to_string().contains("ppm, but the method needs +- 10 ppm"), "{e}");
+            assert_eq!(e.try_this(), Some("give the rate with --rate HZ"));
         }
         other => panic!("{:?}", other.map(|outcome| outcome.report.table())),
     }

@@ -28,7 +28,7 @@ struct Gravity {
     /// Height above the ellipsoid, m
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
     height: f64,
-    /// Take --gravity as it is, outside 9.7 to 9.9 m/s^2 too
+    /// Accept any --gravity, also outside 9.7 to 9.9 m/s^2
     #[arg(long, requires = "gravity")]
     any_gravity: bool,
 }
@@ -152,7 +152,7 @@ pub(super) struct GyroStillArgs {
     /// Local gravity, m/s^2 (instead of normal gravity)
     #[arg(long, value_name = "G")]
     gravity: Option<f64>,
-    /// Take --gravity as it is, outside 9.7 to 9.9 m/s^2 too
+    /// Accept any --gravity, also outside 9.7 to 9.9 m/s^2
     #[arg(long, requires = "gravity")]
     any_gravity: bool,
     /// Scale factor of the record, LSB per rad/s
@@ -243,16 +243,16 @@ impl GyroStillArgs {
         };
         match (&named, self.response) {
             (Named::Unit(unit), Some(_)) if unit.dimension() == Dimension::AngularRate => {
-                contradiction("--response that they are counts")
+                contradiction("but --response says that they are counts")
             }
             (_, Some(response)) => Ok(1.0 / series::positive("response (LSB per rad/s)", response)?),
             (Named::Unit(Unit::DegreePerSecond), None) => Ok(1.0_f64.to_radians()),
-            (Named::Unit(_) | Named::Word(_), None) if self.deg => contradiction("--deg in deg/s"),
+            (Named::Unit(_) | Named::Word(_), None) if self.deg => contradiction("but --deg says deg/s"),
             (Named::Unit(unit), None) => match unit.convert(1.0, Unit::RadianPerSecond) {
                 Some(factor) => Ok(factor),
                 None => contradiction("which needs --response"),
             },
-            (Named::Word(_), None) => contradiction("which is no angular rate: give --response"),
+            (Named::Word(_), None) => contradiction("which is not an angular rate: give --response"),
             (Named::Nothing, None) => Ok(if self.deg { 1.0_f64.to_radians() } else { 1.0 }),
         }
     }
@@ -370,13 +370,13 @@ enum AxisKind {
 pub(super) struct Rotation {
     /// Columns run,x,y,z; run is x+ x- y+ y- z+ z-, with rest before and after each rotation
     file: PathBuf,
-    /// Sample rate, Hz; without it the record tells it, by its time column or as a raw capture
+    /// Sample rate, Hz; by default that of the time column or of the raw capture
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Turns of each run
+    /// Number of turns of each run
     #[arg(long, value_name = "N")]
     turns: f64,
-    /// How the axis of rotation stands; without it the earth's rotation stays in the bias
+    /// Direction of the axis of rotation; without this option the earth's rotation stays in the bias
     #[arg(long)]
     axis: Option<AxisKind>,
     /// Geodetic latitude, degrees (vertical axis)
@@ -480,7 +480,7 @@ impl Rotation {
             .put("coupling", "S_ij / S_ii, relative to the fixture", matrix(&c.coupling()))
             .put("nonorthogonality_rad", "xy xz yz, rad", vector(&c.nonorthogonality_rad()))
             .put("earth_bound", "rad/s, earth rate that is not corrected in the bias", c.earth_bound_rps)
-            .put("mismatch", "forth and back, relative", vector(&c.mismatch))
+            .put("mismatch", "between the two senses, relative", vector(&c.mismatch))
             .put("residual_rms", "rad", c.residual_rms_rad)
             .put("residuals", "rad, by run x+ x- y+ y- z+ z-", c.residuals_rad.iter().map(vector).collect::<Vec<_>>())
             .put("condition", "", c.condition)

@@ -17,25 +17,25 @@ use super::{ComputeError, ComputeOutcome};
 pub(super) struct ZeroBias {
     /// Column of rates; optional columns: cycle (number of the power cycle), still (0 = still)
     file: PathBuf,
-    /// Sample rate, Hz; without it the record tells it, by its time column or as a raw capture
+    /// Sample rate, Hz; by default that of the time column or of the raw capture
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// Column of rates
     #[arg(long, value_name = "NAME", default_value = "w")]
     column: String,
-    /// Samples over which the stored bias hands over
+    /// Number of samples over which the measured bias replaces the stored one
     #[arg(long, default_value_t = ZeroBiasSettings::default().fusion)]
     fusion: usize,
-    /// Still samples of a block
+    /// Number of still samples in a block
     #[arg(long, default_value_t = ZeroBiasSettings::default().block)]
     block: usize,
-    /// Blocks of the ring
+    /// Number of blocks in the ring
     #[arg(long, default_value_t = ZeroBiasSettings::default().ring)]
     ring: usize,
-    /// Stored biases
+    /// Number of stored biases
     #[arg(long, default_value_t = ZeroBiasSettings::default().slots)]
     slots: usize,
-    /// Still samples on end before a bias is stored
+    /// Number of consecutive still samples before a bias is stored
     #[arg(long, default_value_t = ZeroBiasSettings::default().rest)]
     rest: usize,
     /// Change of the bias from one power-on to the next, unit of the record (for the inverse-variance fusion)

@@ -18,7 +18,7 @@ const SHORT_QUEUE: i64 = 64;
 pub(super) fn look(interface: &str, sys: &Sys) -> Vec<Finding> {
     let probe = socket(AddressFamily::Can, SockType::Raw, SockFlag::empty(), None);
     if matches!(probe, Err(Errno::EAFNOSUPPORT)) {
-        let what = format!("this kernel has no CAN, so {interface} cannot be");
+        let what = format!("this kernel has no support for CAN, so {interface} cannot exist");
         return vec![Finding::bad(
             what,
             "sudo modprobe can can_raw; or use an slcan adapter: port = \"slcan:/dev/ttyACM0\"",
@@ -60,19 +60,19 @@ pub(super) fn controller(interface: &str, told: &Value) -> Vec<Finding> {
     match data["state"].as_str() {
         Some("BUS-OFF") => {
             let what = format!("the controller of {interface} left the bus after too many errors (bus-off)");
-            let mend = format!("sudo ip link set {interface} type can restart; then look at cable and termination");
+            let mend = format!("sudo ip link set {interface} type can restart; then check cable and termination");
             findings.push(Finding::bad(what, mend));
         }
         Some(state @ ("ERROR-PASSIVE" | "ERROR-WARNING")) => {
             let what = format!("the controller of {interface} saw many errors ({state})");
-            let mend = "measure 60 ohm between CAN_H and CAN_L with the power off; look at the cable";
+            let mend = "measure 60 ohm between CAN_H and CAN_L with the power off; check the cable";
             findings.push(Finding::warning(what, mend));
         }
         _ => {}
     }
     let has_controller = data["bittiming"].is_object();
     if has_controller && data["restart_ms"].as_u64().unwrap_or(0) == 0 {
-        let what = format!("{interface} stays off the bus after too many errors, until somebody restarts it");
+        let what = format!("{interface} stays off the bus after too many errors, until an operator restarts it");
         findings.push(Finding::warning(what, set(&format!("bitrate {rate} restart-ms 100"))));
     }
     findings
@@ -84,12 +84,12 @@ pub(super) fn state(interface: &str, sys: &Sys) -> Vec<Finding> {
     let folder = format!("net/{}", interface.replace('/', "_"));
     let (Some(kind), Some(flags)) = (sys.number(format!("{folder}/type")), sys.number(format!("{folder}/flags")))
     else {
-        let mend = "plug the adapter in; `ip -br link` lists what is there";
+        let mend = "plug the adapter in; `ip -br link` lists the interfaces";
         return vec![Finding::bad(format!("there is no interface {interface}"), mend)];
     };
     if kind != KIND_CAN {
         let mend = "correct [can] port in the bench file; `ip -br link type can` lists CAN interfaces";
-        return vec![Finding::bad(format!("{interface} is no CAN interface"), mend)];
+        return vec![Finding::bad(format!("{interface} is not a CAN interface"), mend)];
     }
     let mut findings = Vec::new();
     if flags & UP == 0 {

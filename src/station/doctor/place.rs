@@ -27,7 +27,7 @@ pub(super) fn records(folder: &Path) -> Vec<Finding> {
         return vec![match access(there, AccessFlags::W_OK) {
             Ok(()) => Finding::good(format!("records go to {shown}, which the first run creates")),
             Err(error) => Finding::bad(
-                format!("records cannot go to {shown}: {} refuses ({})", there.display(), error.desc()),
+                format!("records cannot go to {shown}: {} is not writable ({})", there.display(), error.desc()),
                 "choose another folder with records = under [station], or make this one writable",
             ),
         }];
@@ -57,8 +57,8 @@ pub(super) fn disk(folder: &Path) -> Option<Finding> {
     let free_mb = disk.blocks_available().saturating_mul(disk.fragment_size()) / 1_000_000;
     let what = format!("{free_mb} MB are free where records go");
     Some(match free_mb {
-        0..NOTHING_MB => Finding::bad(what, "move old days of records elsewhere"),
-        NOTHING_MB..LITTLE_MB => Finding::warning(what, "move old days of records elsewhere"),
+        0..NOTHING_MB => Finding::bad(what, "move the records of old days to another disk"),
+        NOTHING_MB..LITTLE_MB => Finding::warning(what, "move the records of old days to another disk"),
         _ => Finding::good(what),
     })
 }
@@ -72,9 +72,11 @@ pub(super) fn clock(folder: &Path) -> Finding {
     let newest = days.last().and_then(|(day, _)| day.parse::<NaiveDate>().ok());
     let mend = "sudo timedatectl set-ntp true";
     match newest {
-        _ if impossible => Finding::bad(format!("the clock says {}", now.format("%F %T")), mend),
+        _ if impossible => {
+            Finding::bad(format!("the clock says {}, which is before {year}", now.format("%F %T")), mend)
+        }
         Some(newest) if newest > now.date_naive() => {
-            Finding::bad(format!("the clock says {}, and there are records of {newest}", now.format("%F %T")), mend)
+            Finding::bad(format!("the clock says {}, but there are records of {newest}", now.format("%F %T")), mend)
         }
         _ => Finding::good(format!("the clock says {}", now.format("%F %T %:z"))),
     }
@@ -82,7 +84,7 @@ pub(super) fn clock(folder: &Path) -> Finding {
 
 pub(super) fn terminal() -> Finding {
     if !std::io::stdout().is_terminal() {
-        return Finding::good("no terminal here: the screen is not looked at");
+        return Finding::good("standard output is not a terminal, so the size of the screen was not checked");
     }
     let (columns, rows) = terminal_size::terminal_size().map_or((0, 0), |(width, height)| (width.0, height.0));
     let what = format!("the terminal has {columns} columns and {rows} rows");

@@ -15,16 +15,16 @@ pub(super) fn look(port: &Path, rate_baud: u32, sys: &Sys) -> Vec<Finding> {
     let shown = port.display();
     let Ok(meta) = std::fs::metadata(port) else {
         let what = format!("port {shown} is not there");
-        return vec![Finding::bad(what, "plug the adapter in; `gnc-station ports` lists what is there")];
+        return vec![Finding::bad(what, "plug the adapter in; `gnc-station ports` lists the ports")];
     };
     if !meta.file_type().is_char_device() {
-        let mend = "correct [socket] port in the bench file; `gnc-station ports` lists what is there";
+        let mend = "correct [socket] port in the bench file; `gnc-station ports` lists the ports";
         return vec![Finding::bad(format!("{shown} is not a serial port"), mend)];
     }
     if access(port, AccessFlags::R_OK | AccessFlags::W_OK).is_err() {
         let group = Group::from_gid(Gid::from_raw(meta.gid())).ok().flatten();
         let group = group.map_or_else(|| meta.gid().to_string(), |group| group.name);
-        let what = format!("port {shown} may not be used by this user; it belongs to the group {group}");
+        let what = format!("this user may not use port {shown}, which belongs to the group {group}");
         return vec![Finding::bad(what, format!("sudo usermod -aG {group} $USER, then log in again"))];
     }
     let mut findings = vec![opened(port, rate_baud)];
@@ -48,7 +48,7 @@ fn latency(port: &Path, sys: &Sys) -> Option<Finding> {
     let timer = format!("tty/{name}/device/latency_timer");
     let waits_ms = sys.number(&timer)?;
     (waits_ms > LATENCY_MS).then(|| {
-        let what = format!("the adapter of {} keeps bytes back for {waits_ms} ms", port.display());
+        let what = format!("the adapter of {} holds received bytes back for {waits_ms} ms", port.display());
         Finding::warning(what, format!("echo 1 | sudo tee {}", sys.0.join(&timer).display()))
     })
 }

@@ -39,7 +39,7 @@ fn an_interface_that_is_down_or_has_a_short_queue_has_its_command() {
 #[test]
 fn what_is_no_can_interface_is_said() {
     let (_folder, sys) = interface("1", "0x1", "1000");
-    assert_eq!(bus::state("can0", &sys)[0].what, "can0 is no CAN interface");
+    assert_eq!(bus::state("can0", &sys)[0].what, "can0 is not a CAN interface");
     assert_eq!(bus::state("can9", &sys)[0].what, "there is no interface can9");
     assert_eq!(health(&bus::state("../../etc", &sys)), [Health::Bad]);
 }

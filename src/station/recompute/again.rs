@@ -39,7 +39,7 @@ impl Again {
         };
         let left = match incomplete {
             0 => String::new(),
-            count => format!("; {count} attempts have no whole raw record and stay as they were"),
+            count => format!("; {count} attempts have no complete raw record and keep their recorded figures"),
         };
         format!("{same}: {measurements} measurements, {captured} attempts from raw samples{left}")
     }
@@ -91,7 +91,7 @@ fn check_items(run: &RecordedRun, plan: &Plan) -> Result<(), RunError> {
     };
     let was = names(items.iter().map(|item| item.name.as_str()).collect());
     let is = names(plan.items().iter().map(|item| item.name.as_str()).collect());
-    Err(RunError::Unfit { what: format!("the run has {was}; the plan has {is}") })
+    Err(RunError::Unfit { what: format!("the run has the items {was}; the plan has the items {is}") })
 }
 
 struct Judge<'a> {
@@ -341,7 +341,7 @@ impl Judge<'_> {
 
     fn position(&self, item: &str) -> Result<usize, RunError> {
         let position = self.plan.items().iter().position(|planned| planned.name == item);
-        position.ok_or_else(|| RunError::Unfit { what: format!("it has no item {item}") })
+        position.ok_or_else(|| RunError::Unfit { what: format!("the plan has no item {item}") })
     }
 
     fn recorded(&mut self, position: usize) -> &mut Recorded {

@@ -15,7 +15,7 @@ pub(super) fn of_measurements(before: &[Measurement], now: &[Measurement]) -> Ve
         }
         let judged = |measurement: &Measurement| measurement.outcome.map_or("information", |outcome| outcome.as_str());
         let text = if was.name != is.name {
-            format!("{} came where {} was", is.name, was.name)
+            format!("{} instead of {}", is.name, was.name)
         } else if json(&was.value) != json(&is.value) || was.raw != is.raw {
             // Exactly as written, so that a difference in the last digit shows too.
             format!("{} was {}, is {}", was.name, exact(was), exact(is))
@@ -26,7 +26,7 @@ pub(super) fn of_measurements(before: &[Measurement], now: &[Measurement]) -> Ve
         found.push(text);
     }
     if before.len() != now.len() {
-        found.push(format!("{} measurements, and there were {}", now.len(), before.len()));
+        found.push(format!("{} measurements, but there were {}", now.len(), before.len()));
     }
     shorten(found)
 }
@@ -35,7 +35,7 @@ pub(super) fn of_measurements(before: &[Measurement], now: &[Measurement]) -> Ve
 pub(super) fn of_details(before: &[Value], now: &[Value]) -> Vec<String> {
     let mut found = Vec::new();
     if before.len() != now.len() {
-        found.push(format!("{} details, and there were {}", now.len(), before.len()));
+        found.push(format!("{} details, but there were {}", now.len(), before.len()));
     }
     for (was, is) in before.iter().zip(now) {
         walk("details ", was, is, &mut found);

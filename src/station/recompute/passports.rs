@@ -36,9 +36,9 @@ pub(super) fn check(folder: &Path, state: &RunState) -> Result<PassportCheck, Ru
             }
         }
         // The program that recorded the run wrote no passports.
-        Ok(_) => checked.summary = "; no passport was filed".to_owned(),
+        Ok(_) => checked.summary = "; the record has no passport".to_owned(),
         Err(why) if filed => {
-            checked.differences.push(format!("a passport was filed, and the run has earned none: {why}"));
+            checked.differences.push(format!("the record has a passport, but the recomputed run earns none: {why}"));
         }
         Err(NoPassport::NoCalibration) => {}
         Err(why) => checked.summary = format!("; no passport: {why}"),
@@ -63,7 +63,7 @@ fn compare(folder: &Path, passport: &Passport) -> Result<Vec<String>, RunError> 
                     _ => Vec::new(),
                 };
                 if places.is_empty() {
-                    found.push(format!("{name} is written otherwise"));
+                    found.push(format!("{name} differs from the recomputed one"));
                 }
                 found.extend(places);
             }

@@ -16,9 +16,9 @@ use super::info;
 pub(super) enum RunError {
     #[error("the run cannot be read")]
     Unreadable(#[from] ReadError),
-    #[error("its events do not follow from each other")]
+    #[error("the events of the run are out of order")]
     OutOfOrder { source: OutOfOrder },
-    #[error("it was recomputed itself, from {run}, and holds no raw record")]
+    #[error("this run is itself a recomputation of {run}, so it has no raw record")]
     NoRawRecord { run: String },
     #[error("the recorded plan is not the one that was run: its digest differs")]
     OtherPlan,
@@ -38,13 +38,13 @@ impl RunError {
     pub(super) fn try_this(&self) -> &'static str {
         match self {
             Self::Unreadable(error) => error.try_this(),
-            Self::OutOfOrder { .. } => "`gnc-station records list` shows the runs that are there",
-            Self::NoRawRecord { .. } => "recompute the run that it came from",
+            Self::OutOfOrder { .. } => "restore the run's folder from a backup; if that does not help, report this",
+            Self::NoRawRecord { .. } => "recompute the original run",
             Self::OtherPlan => "restore the run's folder from a backup",
             Self::Plan { .. } => "",
             Self::Unfit { .. } => "give a plan with the same items under the same names; limits may differ",
             Self::Captures(error) => error.source.try_this(),
-            Self::Param(_) => "report this: the plan was accepted and should not have been",
+            Self::Param(_) => "report this: the station accepted a plan that it should have refused",
             Self::Store(error) => error.try_this(),
         }
     }
@@ -80,7 +80,7 @@ impl RecordedRun {
         let (name, bytes) = files.next().unwrap_or_default();
         let mut load = |_: &str| match files.next() {
             Some((_, bytes)) => Ok(bytes),
-            None => Err("it is not in the record".to_owned()),
+            None => Err("the record does not hold this file".to_owned()),
         };
         let plan =
             Plan::read(&name, bytes, &mut load).map_err(|mistakes| RunError::Plan { what: mistakes.to_string() })?;

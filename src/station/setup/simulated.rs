@@ -64,7 +64,7 @@ fn read(path: &Path, name: &str) -> Result<(Personality, Option<ReadFile>), Comm
                 let what = format!("cannot read the board {name}: {error}");
                 CommandRefusal::new(
                     what,
-                    "hw-mocks/boards/ has boards to start from; `hw-mocks --boards` lists their names",
+                    "start from a board in hw-mocks/boards/, or name a built-in board: `hw-mocks --boards` lists them",
                 )
             })?;
             let personality = Personality::with_files(name, &text, &mut hw_mocks::beside(path));
@@ -74,7 +74,7 @@ fn read(path: &Path, name: &str) -> Result<(Personality, Option<ReadFile>), Comm
     let personality = personality.map_err(|error| {
         CommandRefusal::new(
             error,
-            "compare it with the boards in hw-mocks/boards/; all keys stand in hw-mocks/personality.rs",
+            "compare it with the boards in hw-mocks/boards/; hw-mocks/personality.rs lists all keys",
         )
     })?;
     Ok((personality, text))
@@ -89,7 +89,7 @@ fn speed(text: &str) -> Result<Speed, CommandRefusal> {
         _ => {
             let shown = gnc_text::quoted(text);
             Err(CommandRefusal::new(
-                format!("{shown} is no speed of simulated time"),
+                format!("{shown} is not a speed of simulated time"),
                 "use a factor such as 10, or max",
             ))
         }
@@ -101,7 +101,7 @@ impl SimulatedModule {
         let options = BenchOptions { serial_number: Some(serial_number.to_owned()), ..self.options.clone() };
         let board = self.interfaces.as_ref().map(|(_, board)| board.as_str());
         let running = RunningBench::start_with(&options, board).map_err(|error| {
-            CommandRefusal::new(format!("cannot start the simulated bench: {error}"), "is /dev/pts there?")
+            CommandRefusal::new(format!("cannot start the simulated bench: {error}"), "check that /dev/pts is mounted")
         })?;
         let can = CanTarget::parse(self.interfaces.as_ref().map_or(running.can_port(), |(host, _)| host));
         let target = match self.link {

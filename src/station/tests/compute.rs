@@ -137,7 +137,7 @@ fn six_position() {
         &six(9.8).replace("z-", "up"),
         "six-position r.csv --gravity 9.8",
         2,
-        "r.csv:8:1: `up` in column `position` is none of x+ x- y+ y- z+ z-",
+        "r.csv:8:1: `up` in column `position` is not one of x+ x- y+ y- z+ z-",
     );
     bad(&six(9.8).replace("30", "3o"), "six-position r.csv --gravity 9.8", 2, "r.csv:");
     bad(&six(9.8), "six-position r.csv", 2, "--latitude");
@@ -348,7 +348,7 @@ fn series() {
     bad(&text, "allan r.csv --rate 1 --column y", 1, "time column says 2.000000 Hz, stated are 1.000000 Hz");
     bad(&text.replacen("\n250,", "\n# lost 250,", 1), "allan r.csv --rate 2 --column y", 1, "gap at sample 500");
     bad(&text, "allan r.csv --rate 2 --column q", 2, "r.csv:1:1: no column `q`; the header has t, y");
-    bad(&text, "allan r.csv --rate 2 --column y --taus often", 2, "neither octave, decade, all nor a time");
+    bad(&text, "allan r.csv --rate 2 --column y --taus often", 2, "is not octave, decade, all or a time");
     bad(&text, "allan r.csv --rate 2 --column y --taus 1000", 1, "averaging time (s) is 1000");
     bad(&text, "stability r.csv --rate 2 --column y --block 0.3", 1, "whole number of samples");
 }

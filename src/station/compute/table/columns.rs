@@ -151,7 +151,7 @@ impl<'a> ColumnPlan<'a> {
         if export {
             roles.push((header.column("capture")?, Role::Capture));
         } else if let Some(capture) = &reading.capture {
-            let what = format!("no column `capture` in which `{capture}` could stand");
+            let what = format!("it has no column `capture`, so capture `{capture}` cannot be selected");
             return Err(TableError::Damaged { path: path.to_owned(), what });
         }
         if let Some((name, _)) = wanted.label {
@@ -244,7 +244,7 @@ impl<'a> ColumnPlan<'a> {
         if expanded > tolerance && !self.export {
             let (expanded, tolerance) = (expanded * ppm, tolerance * ppm);
             return Err(format!(
-                "column `{column}` tells {:.4} Hz to +- {expanded:.3} ppm, and the method needs it to {tolerance} ppm",
+                "column `{column}` gives {:.4} Hz to +- {expanded:.3} ppm, but the method needs +- {tolerance} ppm",
                 rate.rate_hz
             ));
         }
@@ -306,7 +306,7 @@ impl<'a> ColumnPlan<'a> {
                 return Err(Refusal::UnknownTimeUnit { column: column.name, step, stated_hz }.into());
             }
             clock::check(&gathered.times, &blocks, None)?;
-            let why = format!("the header names no unit of `{}`; it has no gap", column.name);
+            let why = format!("the header names no unit of `{}`; its times have no gap", column.name);
             return Ok(RecordClock::NotChecked(why));
         };
         let stated = stated_hz.map(|rate_hz| Stated { rate_hz, tolerance });

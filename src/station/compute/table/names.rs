@@ -221,8 +221,8 @@ mod tests {
         let check = |names: &[&str], wanted: &str, expected: &str| {
             assert_eq!(header(names).column(wanted).unwrap_err().to_string(), expected);
         };
-        check(&["X", "x"], "x", "r.csv:1:1: column `x` may be `X` or `x`");
-        check(&["x [mg]", "x [deg/s]"], "x", "r.csv:1:1: column `x` may be `x [mg]` or `x [deg/s]`");
+        check(&["X", "x"], "x", "r.csv:1:1: column `x` is ambiguous: it may be `X` or `x`");
+        check(&["x [mg]", "x [deg/s]"], "x", "r.csv:1:1: column `x` is ambiguous: it may be `x [mg]` or `x [deg/s]`");
         check(&["y"], "x", "r.csv:1:1: no column `x`; the header has y");
     }
 

@@ -69,7 +69,7 @@ impl Array {
             let (names, fields) = records(descr).ok_or_else(|| damaged("its records are not understood"))?;
             (names, fields, false)
         } else {
-            let field = quoted(descr).and_then(Field::of).ok_or_else(|| damaged("its type is not read"))?;
+            let field = quoted(descr).and_then(Field::of).ok_or_else(|| damaged("its type is not supported"))?;
             let columns = if sizes.len() == 2 { sizes[1] } else { 1 };
             if columns > 1000 {
                 return Err(damaged("it has more than 1000 columns; are rows and columns exchanged?"));
@@ -79,7 +79,7 @@ impl Array {
         let rows = match sizes.as_slice() {
             [rows] => *rows,
             [rows, _] if unnamed => *rows,
-            _ => return Err(damaged(&format!("its shape is ({shape}); one or two dimensions are read"))),
+            _ => return Err(damaged(&format!("its shape is ({shape}); it must have one or two dimensions"))),
         };
         let header = Header::new(path, 1, names, None)?;
         let by_columns = order.starts_with("True");

@@ -108,7 +108,7 @@ impl Sheet {
                 ColumnReader::FloatColumnReader(r) => pull(r, level, left, |v| numbers.put(v.map(|v| f64::from(*v)))),
                 ColumnReader::DoubleColumnReader(r) => pull(r, level, left, |v| numbers.put(v.copied())),
                 ColumnReader::ByteArrayColumnReader(r) => pull(r, level, left, |v| texts.put(v)),
-                _ => Err(ParquetError::General(format!("column `{}` has a type that is not read", column.name()))),
+                _ => Err(ParquetError::General(format!("column `{}` has a type that is not supported", column.name()))),
             };
             pulled.map_err(|e| failed(&e))?;
             if numbers.values.len() > MOST_VALUES || texts.codes.len() > MOST_VALUES || texts.names.len() > MOST_TEXTS {

@@ -54,7 +54,7 @@ pub(super) fn gather(path: &Path, plan: &ColumnPlan, cells: &[Cells]) -> Result<
                 continue;
             }
             let Some(code) = plan.allowed.iter().position(|known| known.eq_ignore_ascii_case(label)) else {
-                let what = format!("`{label}` in row {} is none of {}", row + 1, plan.allowed.join(" "));
+                let what = format!("`{label}` in row {} is not one of {}", row + 1, plan.allowed.join(" "));
                 return Err(TableError::Damaged { path: path.to_owned(), what });
             };
             gathered.labels.push(code as u8);
@@ -81,7 +81,7 @@ pub(super) fn gather(path: &Path, plan: &ColumnPlan, cells: &[Cells]) -> Result<
             }
             (Role::Number(_), Cells::Texts { .. }) => {
                 let text = cells.text(0).to_owned();
-                let what = format!("`{text}` in row 1 of a column of numbers is a text");
+                let what = format!("a column of numbers has the text `{text}` in row 1");
                 return Err(TableError::Damaged { path: path.to_owned(), what });
             }
             (Role::Label | Role::Capture, _) => {}

@@ -70,7 +70,7 @@ pub(super) fn of(path: &Path, source: Box<dyn Read>) -> Result<Source, TableErro
             return foreign("Parquet behind a pipe or gzip", "unpack it and name the file itself");
         }
         [0x89, b'H', b'D', b'F', ..] => return foreign("HDF5", "save the data set as CSV or .npy"),
-        [0x89, b'M', b'C', b'A', b'P', ..] => return foreign("MCAP", "give its name the ending .mcap"),
+        [0x89, b'M', b'C', b'A', b'P', ..] => return foreign("MCAP", "rename the file so that it ends in .mcap"),
         [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => return Ok(Source::Npy(source, understood)),
         _ => {}
     }
@@ -94,7 +94,7 @@ pub(super) fn of(path: &Path, source: Box<dyn Read>) -> Result<Source, TableErro
             Box::new(Utf16::new(source, false))
         }
         _ if is_binary(&head) => {
-            return foreign("binary", "name a table as text, .npy or Parquet, or raw samples as .mcap");
+            return foreign("binary", "give a table as text, .npy or Parquet, or raw samples as .mcap");
         }
         _ => source,
     };
@@ -153,7 +153,7 @@ impl<R: Read> Read for Bounded<R> {
         let got = self.source.read(buffer)?;
         self.unpacked += got as u64;
         if self.unpacked > FREE_UNPACKED.max(MOST_UNPACKED * self.packed.get()) {
-            let what = format!("it unpacks to more than {MOST_UNPACKED} times its size, which no record does");
+            let what = format!("it unpacks to more than {MOST_UNPACKED} times its size, so it is not a record");
             return Err(io::Error::new(io::ErrorKind::InvalidData, what));
         }
         Ok(got)

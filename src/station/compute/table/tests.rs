@@ -31,17 +31,17 @@ fn mistakes_have_a_line_and_a_column() {
     check("x,y\n1,\n", "column `y`: 1 of 1 cells are empty or say so, the first in line 2");
     check(
         "x;y\n1,234;2\n",
-        "r.csv:2:1: `1,234` in column `x` may have a decimal comma or a thousands separator; nothing in the file decides it",
+        "r.csv:2:1: `1,234` in column `x` may have a decimal comma or a thousands separator; the file does not show which",
     );
     check("x;y\n0,5;2\n1.5;2\n", "r.csv: `0,5` in line 2 has a decimal comma, `1.5` in line 3 a decimal point");
-    check("x,y\n1,2,3\n", "r.csv:2:5: row has 3 fields, the header 2");
-    check("x,y\n1\n", "r.csv:2:2: row has 1 fields, the header 2");
+    check("x,y\n1,2,3\n", "r.csv:2:5: row has 3 fields, the header has 2");
+    check("x,y\n1\n", "r.csv:2:2: row has 1 fields, the header has 2");
     check("#c\nx,z\n1,2\n", "r.csv:2:1: no column `y`; the header has x, z");
     check("1,2\n3,4\n", "r.csv:1:1: no header row with column names");
-    check("x,y,x\n3,4,5\n", "r.csv:1:5: column `x` stands twice in the header");
+    check("x,y,x\n3,4,5\n", "r.csv:1:5: column `x` is in the header twice");
     check("x\ty\n1\t\n", "column `y`: 1 of 1 cells are empty or say so, the first in line 2");
-    check("x,y\n1,\"2\n", "r.csv:2:3: a quote has no end in this line");
-    check("x,y\r\n1\r\n", "r.csv:2:2: row has 1 fields, the header 2");
+    check("x,y\n1,\"2\n", "r.csv:2:3: a quote is not closed in this line");
+    check("x,y\r\n1\r\n", "r.csv:2:2: row has 1 fields, the header has 2");
     check("x y\n1 2\n 1  b \n", "r.csv:3:5: `b` in column `y` is not a number");
     check("x,y\n", "r.csv: no rows after the header");
     check("", "r.csv:1:1: no header row with column names");
@@ -85,9 +85,9 @@ fn pieces_do_not_show() {
         assert_eq!(read(broken, &["b"], None).err().unwrap().to_string(), expected);
     };
     check(399_999, "399999,0,x", "r.csv:400002:10: `x` in column `b` is not a number");
-    check(300_000, "300000,0", "r.csv:300003:9: row has 2 fields, the header 3");
+    check(300_000, "300000,0", "r.csv:300003:9: row has 2 fields, the header has 3");
     check(200_000, "199999,0,0", "time does not increase at sample 200000: 199999 s, then 199999 s");
-    check(3, "3,0,0,0", "r.csv:6:7: row has 4 fields, the header 3");
+    check(3, "3,0,0,0", "r.csv:6:7: row has 4 fields, the header has 3");
 }
 
 #[test]
@@ -188,10 +188,10 @@ fn signs_that_leave_it_open_are_refused() {
     let check = |text: &'static str, expected: &str| {
         assert_eq!(read(text, &["x", "y"], None).err().map(|e| e.to_string()).unwrap_or_default(), expected, "{text}");
     };
-    check("x,y,z\n0 0\n1 234\n", "r.csv:2:4: row has 1 fields, the header 3");
-    check("x,y\n0 0 0\n1 2 3\n", "r.csv:2:6: row has 1 fields, the header 2");
+    check("x,y,z\n0 0\n1 234\n", "r.csv:2:4: row has 1 fields, the header has 3");
+    check("x,y\n0 0 0\n1 2 3\n", "r.csv:2:6: row has 1 fields, the header has 2");
     // Two columns of whole numbers, or one with a decimal comma?
-    check("x;y\n0,5\n1,7\n", "r.csv:2:4: row has 1 fields, the header 2");
+    check("x;y\n0,5\n1,7\n", "r.csv:2:4: row has 1 fields, the header has 2");
     check("x y\n0,5\n1,7\n", "r.csv:1:1: no column `x`; the header has x y");
     let text = "x y\n0,5\n1,7\n";
     let reading = ReadingOptions { decimal: Some(Decimal::Point), ..ReadingOptions::default() };

@@ -51,7 +51,7 @@ impl Columns {
         if let Named::Unit(unit) = &first
             && !fits(*unit, dimension)
         {
-            let what = format!("column `{}` is in {unit}, and the method is about {dimension}", name(columns.start));
+            let what = format!("column `{}` is in {unit}, but the method works with {dimension}", name(columns.start));
             return Err(TableError::Units { what });
         }
         for k in columns.clone().skip(1) {
@@ -66,7 +66,7 @@ impl Columns {
             let Some(factor) = factor else {
                 let text = |named: &Named| named.text().unwrap_or("no unit").to_owned();
                 let (a, b) = (text(&first), text(&other));
-                let what = format!("column `{}` has {a}, column `{}` {b}", name(columns.start), name(k));
+                let what = format!("column `{}` has {a}, column `{}` has {b}", name(columns.start), name(k));
                 return Err(TableError::Units { what });
             };
             let note = format!("{} from {} to {}", name(k), text_of(&other), text_of(&first));
