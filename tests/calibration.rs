@@ -346,7 +346,7 @@ fn only_a_run_that_broke_off_is_taken_up() {
         assert!(told.code == Some(2) && told.stderr.contains(why), "{:?}{}", told.code, told.stderr);
         assert_eq!(place.runs().len(), 1, "nothing is run");
     };
-    refused(place.run(chosen().chain(resume)), "the run to take up again ended: passed");
+    refused(place.run(chosen().chain(resume)), "the run to resume was not interrupted: its outcome is passed");
     let whole = "had the items six-position, this one has of the whole plan";
     refused(place.run(sim.into_iter().chain(resume)), whole);
 

@@ -228,7 +228,7 @@ fn a_run_that_goes_on_is_not_sealed() {
     assert!(!log(&runs[1]).contains("interrupted"));
     let run = runs[0].to_str().expect("UTF-8");
     let (code, said) = Running::start(&place, &["--sim", "--resume", run]).end();
-    assert!(code == Some(2) && said.contains("the run to take up again goes on"), "{code:?}: {said}");
+    assert!(code == Some(2) && said.contains("the run to resume is still running"), "{code:?}: {said}");
     assert_eq!(long.end().0, Some(0));
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }

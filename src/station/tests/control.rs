@@ -142,7 +142,7 @@ fn a_first_round_that_cannot_begin_is_refused() {
     let unknown = RunRequest { selection: Some(vec!["cpo".to_owned()]), ..asked.clone() };
     assert!(refused(&unknown, &[]).contains("cpo"), "{}", refused(&unknown, &[]));
     let gone = RunRequest { resume: Some("records/gone".into()), ..asked };
-    let told = "the run to take up again cannot be read: cannot read records/gone/events.jsonl: ";
+    let told = "the run to resume cannot be read: cannot read records/gone/events.jsonl: ";
     assert!(refused(&gone, &[]).starts_with(told), "{}", refused(&gone, &[]));
 }
 

@@ -57,7 +57,10 @@ fn a_run_that_was_changed_is_found() {
 fn a_run_that_was_removed_is_found() {
     let (folder, runs) = records(4);
     fs::remove_dir_all(&runs[1]).expect("a run");
-    check(&problems(folder.path()), &["run 2 (2026-11-22/SN-1/120000-functional) was closed and is gone"]);
+    check(
+        &problems(folder.path()),
+        &["run 2 (2026-11-22/SN-1/120000-functional) was closed, and its folder is missing"],
+    );
 }
 
 /// A run is removed with its line as well: the neighbours no longer fit.
