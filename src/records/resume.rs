@@ -123,7 +123,7 @@ impl Resumed {
         if store::goes_on(folder) {
             return Err(ResumeError::GoesOn);
         }
-        same("the items", &items(was.selection.as_deref()), &items(like.selection))?;
+        same("the selection", &items(was.selection.as_deref()), &items(like.selection))?;
         match state.outcome().filter(|_| !state.is_interrupted()) {
             Some(outcome @ (Outcome::Passed | Outcome::Marginal | Outcome::Failed)) => {
                 return Err(ResumeError::Ended(outcome));
@@ -203,7 +203,7 @@ fn same(what: &'static str, was: &str, is: &str) -> Result<(), ResumeError> {
 }
 
 fn items(selection: Option<&[String]>) -> String {
-    selection.map_or_else(|| "of the whole plan".to_owned(), |names| names.join(", "))
+    selection.map_or_else(|| "none (the whole plan)".to_owned(), |names| names.join(", "))
 }
 
 /// Names the simulated module and its world; the speed of its time does not matter.

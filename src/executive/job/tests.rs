@@ -269,7 +269,7 @@ fn a_bench_that_lacks_devices() {
     plan.toml:50:6: "ad" cannot run: this bench has no operator
      50 | id = "ad"
         |      ^^^^
-        = try: run it on a terminal, or make the item optional with optional = true
+        = try: run the plan on a terminal, or make the item optional with optional = true
 
     plan.toml:58:6: "can" cannot run: this bench has no CAN link
      58 | id = "can"

@@ -202,7 +202,7 @@ gyro_x = "<= 1 deg/s"
         |           ^^^^^^^^^
         = try: an acceleration is written in ug, mg, g, m/s^2
 
-    plan.toml:31:12: "gyro_*" is for gyro_temperature too, and there 9 deg/s is an angular rate, but this measurement is a temperature
+    plan.toml:31:12: "gyro_*" also limits gyro_temperature: 9 deg/s is an angular rate, but this measurement is a temperature
      31 | "gyro_*" = "<= 9 deg/s"
         |            ^^^^^^^^^^^^
         = try: a temperature is written in degC
