@@ -119,10 +119,7 @@ fn a_killed_run_is_sealed_by_the_next_start() {
     let runs = place.runs();
     assert_eq!(runs.len(), 2, "{runs:?}");
     let said = log(&runs[1]);
-    assert!(
-        said.contains("was interrupted during sdram") && said.contains("test SIM-0001 again"),
-        "{said}"
-    );
+    assert!(said.contains("was interrupted during sdram") && said.contains("test SIM-0001 again"), "{said}");
     assert_eq!(reader::verify(&killed), Vec::<String>::new());
     let record = read_json(&killed.join("run.json"));
     assert_eq!((record["interrupted"].as_bool(), record["outcome"].as_str()), (Some(true), Some("aborted")));

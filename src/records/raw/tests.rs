@@ -274,7 +274,10 @@ fn a_record_does_not_leave_its_chunk() {
     };
     let error = |file: Vec<u8>| gnc_text::with_causes(&read(file.as_slice()).unwrap_err());
     let whole = error(chunk(&record(0x80, 3, &[0; 3])));
-    assert_eq!(whole, "it is not a record of this station: it has none of the station's topics before the first capture");
+    assert_eq!(
+        whole,
+        "it is not a record of this station: it has none of the station's topics before the first capture"
+    );
     for length in [4, 20, 1 << 40] {
         let broken = error(chunk(&record(0x80, length, &[0; 3])));
         assert_eq!(broken, "it is damaged before the first capture: Chunk ended in the middle of a record", "{length}");

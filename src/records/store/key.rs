@@ -207,6 +207,10 @@ mod tests {
         assert!(matches!(PublicKey::read(&path), Err(KeyError::NoKey { .. })));
         std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o640)).expect("rights");
         let refused = StationKey::read(&path).expect_err("too open");
-        assert!(refused.to_string().starts_with("other users may use the key ") && refused.to_string().ends_with(" (mode 640)"), "{refused}");
+        assert!(
+            refused.to_string().starts_with("other users may use the key ")
+                && refused.to_string().ends_with(" (mode 640)"),
+            "{refused}"
+        );
     }
 }
