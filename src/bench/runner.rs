@@ -266,7 +266,7 @@ impl Run<'_> {
             self.land(board, landed, &mut flight).await?;
             if self.link_lost.get() {
                 self.end_open_items().await?;
-                let text = "the link is lost, so the station does not run the rest of the plan";
+                let text = "the link is lost, so the rest of the plan is not run";
                 return self.note(NoteLevel::Error, text.into(), None).await;
             }
         }

@@ -78,7 +78,7 @@ fn error(scene: &mut Scene) {
     let outcome = Outcome::Errored;
     scene.event(EventKind::AttemptEnded { item: item(), attempt: 1, outcome, error: Some(error) });
     scene.event(EventKind::ItemEnded { item: item(), outcome, cause: None });
-    let text = "the link is lost, so the station does not run the rest of the plan".to_owned();
+    let text = "the link is lost, so the rest of the plan is not run".to_owned();
     scene.event(EventKind::Note { level: NoteLevel::Error, text, item: None });
     scene.run_ends(Outcome::Errored);
 }
