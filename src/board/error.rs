@@ -190,7 +190,9 @@ impl BoardError {
             Self::Refused { .. } | Self::RefusedUnknown { .. } => {
                 "compare the board's firmware with the interface document"
             }
-            Self::Fault { .. } => "look at the error record: it says which device of the module did not work",
+            Self::Fault { .. } => {
+                "a device of the module did not work: look at the error record, then suspect that device"
+            }
             Self::BadAnswer { .. } => "compare the board's firmware with the interface document",
             Self::StreamStopped { .. } => "check the line; a slower stream or a higher rate may help",
             Self::TooLong { .. } => "shorten the parameters in the plan",
