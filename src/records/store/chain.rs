@@ -240,7 +240,8 @@ fn look_at(records: &Path, link: &ChainEntry, problems: &mut Vec<String>) {
     match digest::of_file(&sums) {
         Ok(digest) if digest == link.digest => {}
         Ok(_) => {
-            problems.push(format!("run {} ({}): {DIGESTS} was changed after the run was closed", link.number, link.run))
+            problems
+                .push(format!("run {} ({}): {DIGESTS} was changed after the run was closed", link.number, link.run));
         }
         Err(_) => problems.push(format!("run {} ({}) was closed, and its folder is missing", link.number, link.run)),
     }
