@@ -316,7 +316,7 @@ fn a_run_that_broke_off_goes_on() {
     assert!(other.code == Some(2) && other.stderr.contains("had the plan with the digest"), "{}", other.stderr);
     let other = refused(&plan, "C-2");
     assert!(
-        other.code == Some(2) && other.stderr.contains("had the serial number C-1, this one has C-2"),
+        other.code == Some(2) && other.stderr.contains("had the serial number C-1, this run has C-2"),
         "{}",
         other.stderr
     );
@@ -352,8 +352,8 @@ fn only_a_run_that_broke_off_is_taken_up() {
         assert!(told.code == Some(2) && told.stderr.contains(why), "{:?}{}", told.code, told.stderr);
         assert_eq!(place.runs().len(), 1, "nothing is run");
     };
-    refused(place.run(chosen().chain(resume)), "the run to take up again ended: passed");
-    let whole = "had the items six-position, this one has of the whole plan";
+    refused(place.run(chosen().chain(resume)), "the run to resume was not interrupted: its outcome is passed");
+    let whole = "had the selection six-position, this run has none (the whole plan)";
     refused(place.run(sim.into_iter().chain(resume)), whole);
 
     // The same as if the run had been stopped, and then without the digests.

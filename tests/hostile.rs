@@ -152,6 +152,6 @@ fn babble_behind_the_port_is_no_board() {
     babbler.kill().expect("alive");
     babbler.wait().expect("its end");
     assert_eq!(run.code, Some(3), "{}{}", run.stdout, run.stderr);
-    assert!(run.stdout.contains("the line carries bytes and not one whole frame"), "{}", run.stdout);
+    assert!(run.stdout.contains("the line carries bytes but no whole frame"), "{}", run.stdout);
     assert_eq!(place.record()["outcome"], "errored");
 }

@@ -86,7 +86,7 @@ fn the_plan_says_whether_unknown_dimensions_suffice() {
     assert_eq!(code, Some(0));
     let (code, measurements) = measured("no-gsa.toml", "fix_type = \"== 3D\"");
     assert_eq!((code, named(&measurements, "fix_type")["value"].as_str()), (Some(1), Some("dimensions unknown")));
-    assert_eq!(named(&measurements, "vdop")["raw"], "no GSA says it");
+    assert_eq!(named(&measurements, "vdop")["raw"], "GSA does not give it");
 }
 
 /// GSA comes with every fifth second, so a window of 2 s may have none: the station waits for it.

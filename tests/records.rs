@@ -361,5 +361,5 @@ fn a_run_that_was_taken_away_is_missed() {
     fs::remove_dir_all(&place.runs()[1]).expect("a run");
     let run = place.run(["records", "verify"]);
     assert_eq!(run.code, Some(1), "{}", run.stderr);
-    assert!(run.stdout.contains("was closed and is gone"), "{}", run.stdout);
+    assert!(run.stdout.contains("was closed, and its folder is missing"), "{}", run.stdout);
 }

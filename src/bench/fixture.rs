@@ -19,7 +19,7 @@ const TYPED_AHEAD: usize = 16;
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum FixtureError {
     /// The plan needs a person, and the bench has no operator.
-    #[error("nobody is there to {what}")]
+    #[error("there is no operator to {what}")]
     Nobody {
         /// What was to be done.
         what: String,
@@ -31,7 +31,7 @@ pub(crate) enum FixtureError {
         what: String,
     },
     /// The terminal or screen that showed the question is closed.
-    #[error("the terminal was closed while waiting for somebody to {what}")]
+    #[error("the terminal was closed before the operator could {what}")]
     TerminalClosed {
         /// What was to be done.
         what: String,
@@ -65,9 +65,9 @@ impl FixtureError {
     pub(crate) fn try_this(&self) -> &'static str {
         match self {
             Self::Nobody { .. } | Self::TerminalClosed { .. } => "run the plan on a terminal with an operator",
-            Self::Refused { .. } => "mend the fixture and run the item again",
-            Self::Fixture { .. } => "look at the fixture and its cables; start the bench again",
-            Self::Table { .. } => "see what it was told in the plan, and look at its cables; start the bench again",
+            Self::Refused { .. } => "repair the fixture and run the item again",
+            Self::Fixture { .. } => "check the fixture and its cables; start the bench again",
+            Self::Table { .. } => "check the motion in the plan, and the turntable's cables; start the bench again",
             Self::Store(error) => error.try_this(),
         }
     }

@@ -21,7 +21,7 @@ pub(crate) enum ReadBackError {
     #[error(transparent)]
     Captures(#[from] CapturesError),
     /// The task that reads broke down: a mistake in this program.
-    #[error("reading the captures back broke down")]
+    #[error("the station could not read the captures back")]
     Broken(#[source] tokio::task::JoinError),
 }
 

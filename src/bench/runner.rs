@@ -202,7 +202,7 @@ impl Run<'_> {
         let mut outcome = self.journal.look(RunState::outcome_so_far);
         if self.unexplained_restart.get() {
             // Something in this module or this bench restarts the board now and then: that must not pass.
-            let text = "the board restarted and no item was found to be the cause, so nothing can be said of the module; \
+            let text = "the board restarted, and the station could not find the item that caused it, so the module cannot be judged; \
                         run the plan again with --one-by-one";
             self.note(NoteLevel::Error, text.into(), None).await?;
             outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
@@ -312,14 +312,19 @@ impl Run<'_> {
             return Ok(());
         }
         self.paused_since.set(Some(Instant::now()));
-        self.note(NoteLevel::Info, "paused: nothing new begins until somebody lets the run go on".into(), None).await
+        self.note(NoteLevel::Info, "paused: no further item begins until the operator continues the run".into(), None)
+            .await
     }
 
     /// Files how long a pause was.
     async fn go_on(&self) -> Result<(), StoreError> {
         let Some(since) = self.paused_since.take() else { return Ok(()) };
-        self.note(NoteLevel::Info, format!("went on after a pause of {:.1} s", since.elapsed().as_secs_f64()), None)
-            .await
+        self.note(
+            NoteLevel::Info,
+            format!("the run continued after a pause of {:.1} s", since.elapsed().as_secs_f64()),
+            None,
+        )
+        .await
     }
 
     async fn end_item(&self, position: usize, outcome: Outcome, cause: Option<Cause>) -> Result<(), StoreError> {
@@ -352,7 +357,8 @@ impl Run<'_> {
                 // The line can carry each item alone, but not both at once.
                 self.one_by_one.set(true);
                 let name = self.order.job.item(landed.position).map(|item| item.name.as_str());
-                let text = "it did not fit on the line beside what else ran: from here on one item after the other";
+                let text =
+                    "the item did not fit on the line beside the others: from here on the items run one at a time";
                 self.note(NoteLevel::Info, text.into(), name).await?;
                 let error = spoilt(Some(&error.to_string()));
                 self.end_attempt(&landed, Outcome::Errored, Some(error)).await

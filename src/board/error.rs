@@ -42,7 +42,7 @@ pub enum BoardError {
         waited: Duration,
     },
     /// Bytes came, but no whole frame.
-    #[error("the line carries bytes and not one whole frame: {damaged} damaged ones and no answer to {asked} HELLO")]
+    #[error("the line carries bytes but no whole frame: {damaged} damaged frames, and no answer to {asked} HELLO")]
     Garbled {
         /// Frames that were damaged.
         damaged: u32,
@@ -168,7 +168,7 @@ impl BoardError {
             }
             Self::Garbled { .. } => "are both ends set to the same rate? RS-422: are A and B of a pair swapped?",
             Self::Away { .. } | Self::Interrupted { .. } => {
-                "see to the adapter's plug and cable, and to the board's supply"
+                "check the adapter's plug and cable, and the board's supply"
             }
             Self::NoAnswer { .. } | Self::Silent { .. } => {
                 "check the board's power; RS-422: pairs (A/B swapped?) and rate; CAN: termination, and that the bus is up"
@@ -190,7 +190,9 @@ impl BoardError {
             Self::Refused { .. } | Self::RefusedUnknown { .. } => {
                 "compare the board's firmware with the interface document"
             }
-            Self::Fault { .. } => "the module's device did not work; see the error record",
+            Self::Fault { .. } => {
+                "a device of the module did not work: look at the error record, then suspect that device"
+            }
             Self::BadAnswer { .. } => "compare the board's firmware with the interface document",
             Self::StreamStopped { .. } => "check the line; a slower stream or a higher rate may help",
             Self::TooLong { .. } => "shorten the parameters in the plan",
@@ -204,5 +206,5 @@ fn colon(text: &str) -> String {
 
 /// The error after the end of the conversation.
 pub(crate) fn gone() -> BoardError {
-    BoardError::Gone { reason: "the conversation with the board has ended".into() }
+    BoardError::Gone { reason: "the session with the board has ended".into() }
 }

@@ -93,7 +93,7 @@ fn tables_refuse_what_nobody_took_in_the_order_of_the_file() {
 fn syntax_stands_alone() {
     refused(
         told("a = 1\nb = \nzeal = 2\n", |_| ()),
-        &["2:5: this is no text in quotes, no number, and neither true nor false \
-           [texts stand in quotes: name = \"functional\"]"],
+        &["2:5: this is not a text in quotes, a number, true or false \
+           [write texts in quotes: name = \"functional\"]"],
     );
 }

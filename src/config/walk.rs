@@ -67,16 +67,16 @@ pub fn parse(source: &SourceText) -> Result<DeTable<'_>, Mistakes> {
 fn syntax(message: &str) -> (String, &'static str) {
     let said = |text: &str| message.contains(text);
     if said("recursion") || said("recurse") {
-        ("values lie too deep in each other".to_owned(), "at most 80 levels are read")
+        ("values are nested too deeply".to_owned(), "use at most 80 levels")
     } else if said("duplicate key") {
-        ("this key stands twice".to_owned(), "remove one of them, or begin the next item with [[item]]")
+        ("this key appears twice".to_owned(), "remove one of them, or begin the next item with [[item]]")
     } else if said("invalid boolean") || said("must be quoted") {
-        let what = "this is no text in quotes, no number, and neither true nor false";
-        (what.to_owned(), "texts stand in quotes: name = \"functional\"")
+        let what = "this is not a text in quotes, a number, true or false";
+        (what.to_owned(), "write texts in quotes: name = \"functional\"")
     } else if said("basic string") || said("literal string") {
-        (syntax_message(message), "a text ends with the quote that it began with, in the same line")
+        (syntax_message(message), "end the text on the same line, with the quote that it begins with")
     } else {
-        (syntax_message(message), "texts stand in quotes, a table begins with [name], a list item with [[name]]")
+        (syntax_message(message), "write texts in quotes; begin a table with [name], a list item with [[name]]")
     }
 }
 

@@ -226,7 +226,7 @@ fn checked(table: &TomlTable<'_, '_>, written: Option<(&str, Span)>) -> Option<S
     if text.chars().any(char::is_control) || text.chars().count() > TEXT_CHARACTERS {
         table.mistake_at(
             span,
-            format!("{} is not fit for a name", quoted(text)),
+            format!("{} cannot be used as a name", quoted(text)),
             "write it without control characters",
         );
     }

@@ -67,7 +67,7 @@ macro_rules! items {
 }
 
 items! {
-    /// Who is in the socket: serial number, part, versions, supply.
+    /// The module in the socket: serial number, part, versions, supply.
     Identity = "identity": processor::IDENTITY,
     /// Both cores: registers, memory, integer and floating-point arithmetic, compared bit for bit with this computer.
     Cpu = "cpu": processor::CPU,
@@ -83,7 +83,7 @@ items! {
     InternalFlash = "internal-flash": memory::INTERNAL_FLASH,
     /// Gyroscopes and accelerometers at rest: means, noise, stuck and saturated channels.
     Imu = "imu": sensors::IMU,
-    /// Satellite receiver: fix, place, 1PPS, and faults in what it says.
+    /// Satellite receiver: fix, position, 1PPS, and faults in its sentences.
     Gnss = "gnss": sensors::GNSS,
     /// AD channels with each DIP switch on and off, and the magnetometer at several headings.
     Ad = "ad": sensors::AD,
@@ -95,8 +95,8 @@ items! {
     Sci = "sci": ports::SCI,
     /// CAN echo of standard and extended frames.
     Can = "can": ports::CAN,
-    /// The board's switch takes the supply away and gives it back: the module starts each time, as soon as before, and
-    /// draws the same.
+    /// The board switches the supply off and on: the module must start each time, as fast as before and with the same
+    /// current.
     PowerCycle = "power-cycle": power::POWER_CYCLE,
     /// Accelerometer calibration from six, twelve or twenty-four positions.
     SixPosition = "six-position": calibration::SIX_POSITION,
@@ -104,9 +104,9 @@ items! {
     GyroStill = "gyro-still": calibration::GYRO_STILL,
     /// Gyroscope scale factor and coupling from turns by a known angle.
     Rotation = "rotation": calibration::ROTATION,
-    /// Gyroscope bias that calibration leaves.
+    /// Gyroscope bias that remains after calibration.
     GyroBias = "gyro-bias": performance::GYRO_BIAS,
-    /// Accelerometer bias that calibration leaves, from turns upside down.
+    /// Accelerometer bias that remains after calibration, from turns upside down.
     AccelBias = "accel-bias": performance::ACCEL_BIAS,
     /// Scatter of ten-second means over an hour.
     BiasStability = "bias-stability": performance::BIAS_STABILITY,
@@ -114,7 +114,7 @@ items! {
     BiasRepeatability = "bias-repeatability": performance::BIAS_REPEATABILITY,
     /// Scatter of the scale factors from power-on to power-on.
     ScaleFactorRepeatability = "scale-factor-repeatability": repeated::SCALE_FACTOR_REPEATABILITY,
-    /// Coupling between axes that calibration leaves.
+    /// Coupling between axes that remains after calibration.
     CrossCoupling = "cross-coupling": repeated::CROSS_COUPLING,
     /// Response to a step of the published resolution.
     Resolution = "resolution": performance::RESOLUTION,
@@ -126,9 +126,9 @@ items! {
     MagnetometerEllipse = "magnetometer-ellipse": magnetometer::ELLIPSE,
     /// Magnetometer over many attitudes: hard and soft iron.
     MagnetometerEllipsoid = "magnetometer-ellipsoid": magnetometer::ELLIPSOID,
-    /// Position, velocity and 1PPS about the surveyed antenna.
+    /// Errors of position, velocity and 1PPS, with the antenna at a surveyed place.
     GnssAccuracy = "gnss-accuracy": sensors::GNSS_ACCURACY,
-    /// The coefficients are stored in the module and read back.
+    /// Stores the coefficients in the module and reads them back.
     CalibrationDownload = "calibration-download": calibration::DOWNLOAD,
     /// A position and a rotation with the stored coefficients.
     CalibrationCheck = "calibration-check": calibration::CHECK,
@@ -307,10 +307,10 @@ impl Device {
         match self {
             Device::Slave => "name the port under [socket] in the bench file",
             Device::Rs422 => {
-                "name the port under [socket] in the bench file, or call the item optional with optional = true"
+                "name the port under [socket] in the bench file, or make the item optional with optional = true"
             }
-            Device::Can => "connect a CAN adapter, or call the item optional with optional = true",
-            Device::Operator => "run it on a terminal, or call the item optional with optional = true",
+            Device::Can => "connect a CAN adapter, or make the item optional with optional = true",
+            Device::Operator => "run the plan on a terminal, or make the item optional with optional = true",
         }
     }
 }

@@ -108,7 +108,7 @@ impl Job {
             if let Some(device) = device
                 && !item.optional
             {
-                let what = format!("{} needs what this bench has not: {}", quoted(&item.name), device.as_str());
+                let what = format!("{} cannot run: this bench has no {}", quoted(&item.name), device.as_str());
                 mistakes.add(|| plan.mistake_at(item, what, device.hint()));
             }
             missing.push(device);

@@ -57,7 +57,7 @@ pub enum JournalError {
         schema: String,
     },
     /// An event cannot follow those before it.
-    #[error("line {line} of the journal does not follow from those before it")]
+    #[error("line {line} of the journal contradicts the lines before it")]
     OutOfOrder {
         /// Number of the line, from 1.
         line: usize,

@@ -227,7 +227,7 @@ pub enum LimitError {
     #[error("a tolerance in % of 0 leaves no room")]
     PercentOfZero,
     /// A percentage of a percentage.
-    #[error("% after +- could mean a part of the value or the value itself")]
+    #[error("% after +- is ambiguous: it could mean a part of the value, or a value in %")]
     PercentOfRatio,
     /// A bound beyond the range of an `f64`.
     #[error("a bound is too large")]
@@ -245,7 +245,7 @@ pub enum LimitError {
         dimension: Dimension,
     },
     /// No text after `==`.
-    #[error("nothing stands after ==")]
+    #[error("there is no text after ==")]
     NothingExpected,
     /// An unknown `$name`.
     #[error("unknown placeholder {}", quoted(text))]
@@ -295,7 +295,7 @@ impl LimitError {
             LimitError::EqualOfNumber { .. } => "give it a tolerance: Q +- Q".to_owned(),
             LimitError::UnknownPlaceholder { .. } => format!("the only placeholder is {SERIAL_NUMBER}"),
             LimitError::MarginalOfText => "leave the marginal band out".to_owned(),
-            LimitError::MarginalNotPositive { .. } => "leave it out if no value shall be marginal".to_owned(),
+            LimitError::MarginalNotPositive { .. } => "leave the band out if no value is to be marginal".to_owned(),
             LimitError::MarginalTooWide { .. } => "make it less than half the width of the limit".to_owned(),
         }
     }

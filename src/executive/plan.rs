@@ -20,7 +20,7 @@
 //! retry_failed = false               # true: tries of a failed item too
 //! repeats = 1                        # rounds within an attempt
 //! timeout = "30 s"                   # board time for an attempt
-//! decision = "simple"                # or "guard-band": the whole coverage interval of a figure must keep the limit
+//! decision = "simple"                # or "guard-band": the whole coverage interval of a figure must be within the limit
 //! prompt = "Level the table."        # asked before the first attempt
 //! params = { samples = 400, rate = "200 Hz" }
 //! [item.limits]
@@ -127,7 +127,7 @@ pub struct PlanItem {
     pub timeout_s: f64,
     /// How the uncertainty of a figure counts near its limit.
     pub decision: Decision,
-    /// What the operator is asked to do before the first attempt.
+    /// What the operator must do before the first attempt.
     pub prompt: Option<String>,
     /// Every parameter of the catalogue, with its default if the plan gives no value.
     pub params: Params,

@@ -118,7 +118,7 @@ pub struct Note {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OutOfOrder {
     /// A number is missing or comes twice.
-    #[error("event {seq} comes where event {expected} is due")]
+    #[error("event {expected} is due, but event {seq} comes")]
     Sequence {
         /// Number of the event.
         seq: u64,

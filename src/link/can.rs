@@ -71,7 +71,7 @@ pub enum CanOpenError {
     #[error(transparent)]
     Port(#[from] OpenError),
     /// The kernel was built without CAN.
-    #[error("this computer's kernel has no CAN, so there is no interface {interface}")]
+    #[error("this computer's kernel does not support CAN, so there is no interface {interface}")]
     NoKernel {
         /// The interface that was asked for.
         interface: String,
@@ -83,7 +83,7 @@ pub enum CanOpenError {
         interface: String,
     },
     /// An interface of another kind.
-    #[error("the network interface {interface} is no CAN interface")]
+    #[error("the network interface {interface} is not a CAN interface")]
     NotCan {
         /// The interface that was asked for.
         interface: String,
@@ -120,7 +120,7 @@ impl CanOpenError {
             Self::Down { .. } => {
                 "switch it on: `sudo ip link set NAME up type can bitrate 500000` (vcan: without type)"
             }
-            Self::System { .. } => "check the adapter and who may use it",
+            Self::System { .. } => "check the adapter, and that this user may use it",
         }
     }
 }

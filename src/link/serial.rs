@@ -135,7 +135,7 @@ impl OpenError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Missing { .. } => "is the adapter plugged in? `gnc-station ports` lists what is there",
-            Self::Busy { .. } => "wait for it or end it, then start again",
+            Self::Busy { .. } => "wait until that program ends, or end it; then start again",
             Self::Denied { .. } => "add the user to the group of the port (often `dialout`) and log in again",
             Self::NotAPort { .. } => "check [socket] port in the bench file; `gnc-station ports` lists what is there",
             Self::Rate { .. } => "choose a rate in the bench file that the adapter can produce",

@@ -521,26 +521,28 @@ impl Refusal {
     #[must_use]
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::NotFinite { .. } => "find out why the recorder wrote it; cut the record there or take it again",
+            Self::NotFinite { .. } => {
+                "find out why the recorder wrote this value; cut the record there, or record again"
+            }
             Self::Parameter { .. } => "correct the parameter",
             Self::EmptyCells { .. } => {
-                "find out why nothing was recorded there; rows may be removed where their order does not count"
+                "find out why nothing was recorded there; remove these rows only if the order of rows does not matter"
             }
             Self::UnknownTimeUnit { .. } => "name the unit in the header, as `timestamp [ms]`, or correct --rate",
             Self::Lengths { .. } => "export all channels from the same record",
             Self::TooFew { .. } => "record longer",
             Self::Constant { .. } | Self::Stuck { .. } => "check that the sensor is alive and inside its range",
             Self::Alike { .. } => "give the figures with more digits, or check that the sensor is alive",
-            Self::FewRates { .. } => "turn at more rates, of both senses",
+            Self::FewRates { .. } => "turn at more rates, in both senses",
             Self::OffLine { .. } => {
                 "check the sign of this rate, its rows, and that the sensor answers at all; --residual moves the limit"
             }
             Self::Missing { .. } => "record what is missing, or correct the labels",
-            Self::UnknownLabel { .. } => "labels are x+ x- y+ y- z+ z-",
+            Self::UnknownLabel { .. } => "use the labels x+ x- y+ y- z+ z-",
             Self::SplitLabel { .. } => "remove one of the blocks, or correct its label",
             Self::NotUnit { .. } => "give the direction that points up, in the axes of the module, with length 1",
             Self::Moved { .. } => "wait until the table stands still and repeat the position",
-            Self::Short { .. } => "dwell as long in every position",
+            Self::Short { .. } => "stay equally long in every position",
             Self::Saturated { .. } => "use a wider range, or turn more slowly",
             Self::Clipped { .. } => "use a wider range, or correct the offset, and record again",
             Self::BadRows { .. } | Self::Unbridged { .. } => {
@@ -553,7 +555,7 @@ impl Refusal {
                 "keep each new row once and state the rate at which the sensor updates, or read it only when it has new data"
             }
             Self::Unsigned { .. } => {
-                "write the counts as signed numbers: take the whole range off those in its upper half"
+                "write the counts as signed numbers: subtract the whole range from the counts in its upper half"
             }
             Self::WrongSign { .. } | Self::WrongAxis { .. } => "check the labels and how the module sits in the socket",
             Self::PoseResidual { .. } => "check its label and how the module sat in the socket",
@@ -571,31 +573,33 @@ impl Refusal {
             Self::NotMonotonic { before, after, .. } if starts_again(*before, *after) => {
                 "the stamps look like a counter of 16 or 32 bits that starts again: export them unwrapped"
             }
-            Self::NotMonotonic { .. } | Self::Gap { .. } => "take the record again, or cut it there",
+            Self::NotMonotonic { .. } | Self::Gap { .. } => "record again, or cut the record there",
             Self::RateMismatch { .. } => {
                 "state the rate that the time column shows, or find out which of the two clocks is wrong; \
                  --rate-tolerance allows more"
             }
             Self::RateChanges { .. } => "cut the record at this row, or find out what changed the rate there",
-            Self::Jittery { .. } => "record the stamps of the sensor in place of those of the host, or record longer",
+            Self::Jittery { .. } => {
+                "record the time stamps of the sensor instead of those of the host, or record longer"
+            }
             Self::NoRotation { .. } => "check the label of the run and that the table turned",
-            Self::CutOff { .. } => "start the record before the table and stop it after",
+            Self::CutOff { .. } => "start the record before the table turns, and stop it after the table stops",
             Self::Restless { .. } => "let the table rest before and after the rotation",
             Self::Mismatch { .. } | Self::SameSense { .. } => {
-                "check that both runs turned by the same angle, once forth and once back"
+                "check that both runs turned by the same angle, once forward and once back"
             }
             Self::OutOfBand { .. } => "check the number of turns and the range of the sensor",
             Self::NotClosed { expected: "ellipsoid", .. } => {
-                "record more attitudes, in all directions and with the field or gravity alone acting"
+                "record more attitudes, in all directions, while only the field or only gravity acts"
             }
             Self::NotClosed { .. } => "record whole turns in a steady field",
             Self::FewTurns { .. } => "record more turns",
             Self::Coverage { .. } => "turn the module through more directions",
-            Self::Noisy { .. } => "check the field and the plane of rotation: the component turned must be large",
+            Self::Noisy { .. } => "check the field and the plane of rotation: the field in that plane must be large",
             Self::TooManyRejected { .. } => {
                 "find what disturbs the record (the plot shows where): outliers on one side pull the fit, more turns do not help"
             }
-            Self::Diverged { .. } => "look at the plot: the points do not suit the model",
+            Self::Diverged { .. } => "look at the plot: the points do not fit the model",
         }
     }
 }

@@ -120,13 +120,13 @@ impl ClockFault {
     pub fn hint(&self) -> &'static str {
         match self {
             Self::Rate { .. } | Self::Jump { .. } => {
-                "the slave board does not keep section 10 of the interface document: its samples must lie on the grid of its \
-                 own clock; a sensor with an oscillator of its own needs resampling there"
+                "the slave board does not follow section 10 of the interface document: its samples must lie on the grid of its \
+                 own clock; the board must resample a sensor that has its own oscillator"
             }
             Self::Back { .. } => {
-                "the slave board does not keep section 10 of the interface document: look at its supply and its firmware"
+                "the slave board does not follow section 10 of the interface document: check its supply and its firmware"
             }
-            Self::Untimed { .. } => "capture longer: on CAN every 64th sample tells its time",
+            Self::Untimed { .. } => "capture longer: on CAN only every 64th sample carries its time",
         }
     }
 }

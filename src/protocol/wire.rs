@@ -26,7 +26,7 @@ pub enum WireError {
         extra: usize,
     },
     /// A list, block or text is longer than the message allows.
-    #[error("a field of {length} elements, at most {most} are allowed")]
+    #[error("a field has {length} elements, and at most {most} are allowed")]
     TooMany {
         /// Elements announced.
         length: usize,

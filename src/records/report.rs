@@ -111,10 +111,10 @@ fn decision_rule(record: &RunRecord) -> Option<String> {
     let rules = [
         (
             Decision::Simple,
-            "simple acceptance: the value decides, and inside its limit it is marginal where its coverage interval \
+            "simple acceptance: the value decides; a value inside its limit is marginal if its coverage interval \
              crosses the limit",
         ),
-        (Decision::GuardBand, "guard band by the uncertainty: the whole coverage interval must keep the limit"),
+        (Decision::GuardBand, "guard band by the uncertainty: the whole coverage interval must be within the limit"),
     ];
     let words: Vec<&str> = rules.iter().filter(|(rule, _)| used.contains(rule)).map(|(_, words)| *words).collect();
     let both = if words.len() > 1 { ", as the plan says for each item" } else { "" };
@@ -225,26 +225,26 @@ fn how_to_read(page: &mut SvgPage, record: &RunRecord, digests: &[(String, Strin
     page.element(
         "p",
         "",
-        "A value is passed where it lies within its limits, bounds included, and marginal where it is good but inside \
-         the band that the plan sets beside a limit. Errored says that the station could not tell; it is no verdict \
-         about the module. A value without a limit is information. The worst item counts.",
+        "A value is passed if it lies within its limits, bounds included. It is marginal if it is good but inside the \
+         band that the plan sets beside a limit. Errored means that the station could not tell; it says nothing about \
+         the module. A value without a limit is information. The worst item counts.",
     );
     page.element(
         "p",
         "",
-        "Uncertainties are expanded ones, U = k u with the coverage factor k of the effective degrees of freedom \
-         (Welch-Satterthwaite) for the probability stated, or chi-square intervals of standard deviations; the budgets \
-         stand with the items. Pictures show at most 400 points of a curve, the smallest and largest of each part.",
+        "Uncertainties are expanded: U = k u, with the coverage factor k of the effective degrees of freedom \
+         (Welch-Satterthwaite) for the probability stated, or chi-square intervals of standard deviations. Each item \
+         shows its budgets. Plots show at most 400 points of a curve, the smallest and largest of each part.",
     );
     page.element(
         "p",
         "",
-        "The record that this page was made from is run.json beside it; SHA256SUMS there vouches for all files of the \
-         folder, this page included.",
+        "This page was made from run.json in the same folder. SHA256SUMS holds the digests of all files of the folder, \
+         this page included.",
     );
     page.open("table", "facts");
     page.row("th", &["File", "SHA-256"]);
-    page.row("td", &["plan with all that it includes", &record.plan.sha256]);
+    page.row("td", &["plan with all included files", &record.plan.sha256]);
     for (name, digest) in digests {
         page.row("td", &[name, digest]);
     }

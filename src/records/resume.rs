@@ -21,10 +21,10 @@ use crate::store::{self, DIGESTS, JOURNAL, digest};
 #[derive(Debug, thiserror::Error)]
 pub enum ResumeError {
     /// The run does not exist, or its journal is damaged.
-    #[error("the run to take up again cannot be read")]
+    #[error("the run to resume cannot be read")]
     Unreadable(#[source] ReadError),
     /// A condition has changed.
-    #[error("the run to take up again had {what} {was}, this one has {is}")]
+    #[error("the run to resume had {what} {was}, this run has {is}")]
     Unlike {
         /// The condition.
         what: &'static str,
@@ -34,16 +34,16 @@ pub enum ResumeError {
         is: String,
     },
     /// The run was not interrupted.
-    #[error("the run to take up again ended: {}", .0.as_str())]
+    #[error("the run to resume was not interrupted: its outcome is {}", .0.as_str())]
     Ended(Outcome),
     /// The run ended, but without digests its files cannot be checked.
-    #[error("the run to take up again ended, and its {DIGESTS} is missing")]
+    #[error("the run to resume ended, and its {DIGESTS} is missing")]
     Unsealed,
     /// Another station is carrying out the run now.
-    #[error("the run to take up again goes on")]
+    #[error("the run to resume is still running")]
     GoesOn,
     /// A file of a closed run was changed.
-    #[error("the run to take up again is not as it was written: {what}")]
+    #[error("the run to resume fails its verification: {what}")]
     Changed {
         /// The change.
         what: String,
@@ -62,7 +62,7 @@ impl ResumeError {
             Self::Unlike { .. } | Self::Ended(_) | Self::Unsealed => {
                 "run the plan from its beginning, without --resume"
             }
-            Self::GoesOn => "let it end, or stop it where it runs",
+            Self::GoesOn => "wait until that run ends, or stop it where it runs",
             Self::Changed { .. } => "restore the run's folder from a backup, or run without --resume",
             Self::Captures(error) => error.source.try_this(),
         }
@@ -123,7 +123,7 @@ impl Resumed {
         if store::goes_on(folder) {
             return Err(ResumeError::GoesOn);
         }
-        same("the items", &items(was.selection.as_deref()), &items(like.selection))?;
+        same("the selection", &items(was.selection.as_deref()), &items(like.selection))?;
         match state.outcome().filter(|_| !state.is_interrupted()) {
             Some(outcome @ (Outcome::Passed | Outcome::Marginal | Outcome::Failed)) => {
                 return Err(ResumeError::Ended(outcome));
@@ -203,7 +203,7 @@ fn same(what: &'static str, was: &str, is: &str) -> Result<(), ResumeError> {
 }
 
 fn items(selection: Option<&[String]>) -> String {
-    selection.map_or_else(|| "of the whole plan".to_owned(), |names| names.join(", "))
+    selection.map_or_else(|| "none (the whole plan)".to_owned(), |names| names.join(", "))
 }
 
 /// Names the simulated module and its world; the speed of its time does not matter.

@@ -84,9 +84,9 @@ impl StoreError {
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "make room on the disk and run again",
             io::ErrorKind::PermissionDenied => "make the folder writable for this user, or choose one with --records",
-            io::ErrorKind::ReadOnlyFilesystem => "mount it writable, or choose another folder with --records",
+            io::ErrorKind::ReadOnlyFilesystem => "mount the disk writable, or choose another folder with --records",
             io::ErrorKind::NotFound => "check the path, or choose another folder with --records",
-            io::ErrorKind::NotADirectory => "that name is taken by a file; choose another folder with --records",
+            io::ErrorKind::NotADirectory => "a file has that name; choose another folder with --records",
             _ => "check the disk, or choose another folder with --records",
         }
     }

@@ -111,7 +111,7 @@ impl ComputeError {
             Self::Record(record::RecordError::Captures(error)) => Some(error.source.try_this()),
             Self::Write { source, .. } => Some(match source.kind() {
                 ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "make room on the disk and run again",
-                _ => "name a file in a folder that exists and that you may write to",
+                _ => "name a file in a folder that exists and that this user may write to",
             }),
             _ => None,
         }

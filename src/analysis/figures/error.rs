@@ -160,7 +160,7 @@ impl FigureError {
     #[must_use]
     pub fn try_this(&self) -> &'static str {
         match self {
-            Self::NoAnalysis { .. } | Self::Param(_) => "report this: the plan was accepted and should not have been",
+            Self::NoAnalysis { .. } | Self::Param(_) => "report this: the station should not have accepted the plan",
             Self::Refused { refusal, .. } => refusal.hint(),
             Self::Lost { .. } => "check the cable and its termination, or take a slower stream; then capture again",
             Self::Clock { fault, .. } => fault.hint(),
@@ -170,15 +170,15 @@ impl FigureError {
             Self::Stuck { .. } => "suspect the sensor or its line: run the item imu",
             Self::Moved { .. } => "let the table come to rest, keep hands off, and capture again",
             Self::Disturbed { .. } => {
-                "look for iron, tools or currents near the bench in that attitude, and capture again; a bench whose field \
-                 moves by more has ambient_u under [fixture] of its file"
+                "look for iron, tools or currents near the bench in that attitude, and capture again; if the field of this \
+                 bench changes by more, raise ambient_u under [fixture] in the bench file"
             }
             Self::Coarse { .. } => "stream the sensor with more bits; this one cannot show the step",
             Self::NotCalibrated { item } => match item {
-                ItemId::SixPosition => "run six-position first, and have it good",
-                ItemId::GyroStill => "run gyro-still first, and have it good",
-                ItemId::Rotation => "run rotation first, and have it good",
-                _ => "run that item first, and have it good",
+                ItemId::SixPosition => "run six-position first; it must be good",
+                ItemId::GyroStill => "run gyro-still first; it must be good",
+                ItemId::Rotation => "run rotation first; it must be good",
+                _ => "run that item first; it must be good",
             },
             Self::BadCalibration { .. } => "verify the record, and calibrate again",
             Self::NoPlace => "write latitude, longitude and height under [site] of the bench file",

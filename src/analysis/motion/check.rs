@@ -21,7 +21,7 @@ pub fn mistakes(item: &PlanItem) -> Vec<(String, &'static str)> {
     }
     if program.span_s() > item.timeout_s {
         let what = format!(
-            "{} takes {} of bench time at least, and its timeout is {}",
+            "{} takes at least {} of bench time, and its timeout is {}",
             item.id,
             DisplayDuration(program.span_s()),
             DisplayDuration(item.timeout_s)

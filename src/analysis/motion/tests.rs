@@ -293,7 +293,7 @@ fn a_turn_beyond_the_range_is_refused_with_the_arithmetic() {
     let text = late.to_string();
     assert!(
         text.contains(
-            "p.toml:4:6: six-position takes 31 min 00 s of bench time at least, and its timeout is 10 min 00 s"
+            "p.toml:4:6: six-position takes at least 31 min 00 s of bench time, and its timeout is 10 min 00 s"
         ),
         "{text}"
     );

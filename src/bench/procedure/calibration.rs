@@ -60,7 +60,7 @@ async fn captures(
         }
         None => match params.source("of")? {
             Some(other) => Ok(recorder.captures_of(other).await?),
-            None => Err(ProcedureError::CannotRun { item, why: "it is not on this bench yet" }),
+            None => Err(ProcedureError::CannotRun { item, why: "this version has no procedure for it" }),
         },
     }
 }

@@ -76,7 +76,7 @@ async fn measure(bench: &ProcedureContext<'_>, tap: &Tap, recorder: &Recorder<'_
     recorder.text(&BUS_OFF, if after.state == CanState::BusOff as u8 { "yes" } else { "no" }).await?;
     match tap.errors() {
         Some(errors) => recorder.count(&ADAPTER_ERRORS, errors.frames.into()).await?,
-        None => recorder.not_available(&ADAPTER_ERRORS, "not available: slcan does not tell of error frames").await?,
+        None => recorder.not_available(&ADAPTER_ERRORS, "not available: slcan does not report error frames").await?,
     }
     if !observed.is_module_at_fault(by_host)
         && let Some(doubt) = observed.doubt(by_host)

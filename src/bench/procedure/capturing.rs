@@ -60,7 +60,7 @@ pub(super) async fn run(
     }
     let over = followed?;
     if over > 0 {
-        recorder.note(&format!("taken over from the run that broke off: {}", Count(over, "capture"))).await?;
+        recorder.note(&format!("taken over from the interrupted run: {}", Count(over, "capture"))).await?;
     }
     capture.course.works_out();
     capture.raw.finish().await?;

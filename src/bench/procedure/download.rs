@@ -28,7 +28,7 @@ pub(super) async fn run(
     let findings = calibration::analyse(ItemId::CalibrationDownload, bench, params, Vec::new(), recorder).await?;
     let coefficients = COEFFICIENTS
         .of(&findings.details)
-        .ok_or_else(|| ProcedureError::Analysis { why: "it gave no coefficients".to_owned() })?;
+        .ok_or_else(|| ProcedureError::Analysis { why: "the analysis gave no coefficients".to_owned() })?;
     recorder.found(findings).await?;
     let written = message(&coefficients);
     let board = bench.board;

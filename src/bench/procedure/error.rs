@@ -91,7 +91,7 @@ pub(crate) enum ProcedureError {
     #[error(transparent)]
     Resume(#[from] ResumeError),
     /// The analysis of the captures broke down: a mistake in this program.
-    #[error("nothing could be worked out: {why}")]
+    #[error("the station could not work out any figure: {why}")]
     Analysis {
         /// What happened.
         why: String,
@@ -103,11 +103,11 @@ pub(crate) enum ProcedureError {
     #[error(transparent)]
     CanOpen(#[from] CanOpenError),
     /// The CAN bus went away.
-    #[error("the CAN bus is gone")]
+    #[error("the connection to the CAN bus was lost")]
     CanGone(#[from] std::io::Error),
     /// Test frames did not come back as they were sent, but the module's controller counts no error.
     #[error(
-        "of {sent} CAN frames {lost} did not come back and {astray} came twice or out of turn; the module received {received} \
+        "of {sent} CAN frames {lost} did not come back and {astray} came twice or out of order; the module received {received} \
          and counts no error{}{}{}{}", lost_here(*by_host), beside(*others, *busy_percent, *span_s), of_before(*stale),
          given_up(*unsent)
     )]
@@ -136,7 +136,7 @@ pub(crate) enum ProcedureError {
     /// Another node uses the ids of the test frames, so the station cannot tell which frames are missing or too many.
     #[error(
         "another node uses the ids of CAN test frames: beside the {sent} frames of this station, of which {lost} did not come \
-         back unaltered, {foreign} of another sender passed, and {strange} that are no answer to this station's"
+         back unaltered, there were {foreign} frames of another sender and {strange} frames that answer none of this station's"
     )]
     TestIdsShared {
         /// Test frames sent.
@@ -169,7 +169,7 @@ pub(crate) enum ProcedureError {
         current_a: f64,
     },
     /// Another module answers than before in this run.
-    #[error("{when}: the module says that it is {is}, and was {was} before")]
+    #[error("{when}: the module says that it is {is}; before, it was {was}")]
     ModuleChanged {
         /// When the module said so.
         when: String,
@@ -212,7 +212,7 @@ impl ProcedureError {
             Self::Board(error) => error.try_this(),
             Self::Fixture(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
-            Self::Param(_) => "report this: the plan was accepted and should not have been",
+            Self::Param(_) => "report this: the station should not have accepted the plan",
             Self::SamplesLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
             Self::CaptureLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
             Self::Clock { fault, .. } => fault.hint(),
@@ -220,7 +220,7 @@ impl ProcedureError {
                 "keep hands and draughts off the table; run the item again"
             }
             Self::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => {
-                "keep magnets away; if there is none, the sensor does not reach its published range"
+                "keep magnets away; if there is no magnet, the sensor does not reach its published range"
             }
             Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
             Self::Figure(error) => error.try_this(),
@@ -235,10 +235,10 @@ impl ProcedureError {
                 "this computer is too slow for its CAN controller: end other programs; `ip -statistics link` counts what it lost"
             }
             Self::FramesLost { busy_percent: BUSY_PERCENT.., .. } => {
-                "the bus is full of other frames, which all go before test frames: take the other nodes off the bus or quieten them, then run the item again"
+                "the bus is full of other frames, which all have priority over test frames: take the other nodes off the bus or stop them, then run the item again"
             }
             Self::FramesLost { stale: 1.., .. } => {
-                "frames of before are still on their way: wait until the bus is quiet, then run the item again"
+                "earlier frames are still on their way: wait until the bus is quiet, then run the item again"
             }
             Self::TestIdsShared { .. } => {
                 "take other stations and modules off this CAN bus, or wait until they are done; then run the item again"
@@ -248,13 +248,15 @@ impl ProcedureError {
             }
             Self::Nonsense { .. } => "compare the board's firmware with the interface document",
             Self::StillFed { .. } => {
-                "check the board's switch, and that no other supply and no line feeds the module; if its capacitors empty slowly, raise `off_time` in the plan"
+                "check the board's switch, and that no other supply or line feeds the module; if its capacitors discharge slowly, raise `off_time` in the plan"
             }
             Self::ModuleChanged { .. } => {
-                "leave the module in its socket while the run goes on; if it was left there, suspect the memory of its identity"
+                "leave the module in its socket during the run; if it stayed there, suspect the memory of its identity"
             }
             Self::CannotRun { .. } => "take the item out of the plan or mark it optional",
-            Self::TookTooLong { .. } => "see how far it came in the log; raise `timeout` in the plan if it was at work",
+            Self::TookTooLong { .. } => {
+                "see in the log how far the item came; if it was still working, raise `timeout` in the plan"
+            }
         }
     }
 }
@@ -270,11 +272,15 @@ fn beside(others: u64, busy_percent: f64, span_s: f64) -> String {
 }
 
 fn given_up(unsent: u64) -> String {
-    if unsent == 0 { String::new() } else { format!("; {unsent} more were not sent, since nothing came back any more") }
+    if unsent == 0 {
+        String::new()
+    } else {
+        format!("; {unsent} more were not sent, because no frame came back any longer")
+    }
 }
 
 fn of_before(stale: u64) -> String {
-    if stale == 0 { String::new() } else { format!("; {stale} frames came that were sent before, or by others") }
+    if stale == 0 { String::new() } else { format!("; {stale} of the received frames are older, or of other senders") }
 }
 
 fn lost_here(by_host: u64) -> String {

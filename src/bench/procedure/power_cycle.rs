@@ -130,7 +130,7 @@ impl Switch<'_> {
             Err(error) => Err(error.into()),
             Ok(_) => Err(ProcedureError::Nonsense {
                 what: "Identity",
-                why: format!("cycle {number}: it answers for a module that has no supply"),
+                why: format!("cycle {number}: the board gives an identity, but the module has no supply"),
             }),
         }
     }

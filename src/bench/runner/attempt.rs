@@ -127,7 +127,7 @@ fn host_clock(bench: &gnc_executive::event::BenchInfo) -> HostClock {
     match bench.speed.as_deref() {
         None => Ok(()),
         Some(speed) if speed.parse() == Ok(1.0) => Ok(()),
-        Some(speed) => Err(format!("simulated at speed {speed}: the host's clock says nothing of the board's")),
+        Some(speed) => Err(format!("simulated at speed {speed}: the host's clock cannot check the board's clock")),
     }
 }
 

@@ -92,8 +92,8 @@ impl Run<'_> {
         if hello.capabilities & capability::REPEATED_READINGS == 0 {
             return Ok(());
         }
-        let text = "the board says that its sensors have an oscillator of their own: readings come twice or are left out, and \
-                    figures of noise hold that (interface document, section 10)";
+        let text = "the board says that its sensors have an oscillator of their own: some readings come twice or are missing, and \
+                    the figures of noise contain that (interface document, section 10)";
         self.note(NoteLevel::Warning, text.into(), None).await
     }
 
@@ -175,7 +175,7 @@ impl Run<'_> {
                 self.journal.emit(EventKind::Power(power)).await?;
             }
             Ok(Err(_)) | Err(_) => {
-                let text = "the board did not confirm that it is safe; its watchdog makes it so within 2 s";
+                let text = "the board did not confirm that it is safe; its watchdog makes it safe within 2 s";
                 self.note(NoteLevel::Warning, text.into(), None).await?;
             }
         }
@@ -184,10 +184,13 @@ impl Run<'_> {
         if damaged + received.missing + report.resent + report.stale + report.echoed > 0 {
             let (missing, echo) = match report.echoed {
                 0 => (received.missing.to_string(), String::new()),
-                echoed => ("an unknown number".to_owned(), format!("; {echoed} of our own came back: the line echoes")),
+                echoed => (
+                    "an unknown number".to_owned(),
+                    format!("; {echoed} of the station's own frames came back: the line echoes"),
+                ),
             };
             let text = format!(
-                "the line was not clean: {} frames received, {damaged} damaged, {missing} missing, {} late or twice; {} \
+                "the line was not clean: {} frames received, {damaged} damaged, {missing} missing, {} late or received twice; {} \
                  requests sent again{echo}",
                 received.frames, report.stale, report.resent
             );

@@ -77,7 +77,7 @@ impl Run<'_> {
         let name = culprit.and_then(|position| self.order.job.item(position)).map(|item| item.name.clone());
         if let Some(error @ BoardError::Away { .. }) = absence {
             let wait_s = RETURNS_WITHIN.as_secs();
-            let text = format!("{error}; {}: the run waits {wait_s} s for it", error.try_this());
+            let text = format!("{error}; {}: the run waits at most {wait_s} s for it", error.try_this());
             self.note(NoteLevel::Warning, text, None).await?;
         }
         self.recover(board, name.filter(|_| any_restart), absence.is_some()).await
@@ -178,6 +178,6 @@ pub(super) fn session_lives(trouble: &ProcedureError) -> bool {
 
 /// The error of an attempt that the trouble of another one ended.
 pub(super) fn spoilt(text: Option<&str>) -> AttemptError {
-    let text = format!("ended by the trouble of another item: {}", text.unwrap_or_default());
-    AttemptError { text, hint: "it is run again".into(), again: true }
+    let text = format!("another item's error ended this attempt: {}", text.unwrap_or_default());
+    AttemptError { text, hint: "the station runs the item again".into(), again: true }
 }

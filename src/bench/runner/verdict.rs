@@ -23,7 +23,7 @@ pub(super) fn judge(
         let outcome = item.attempt_outcome(measured);
         let missing: Vec<&str> = item.missing(measured).collect();
         let error = (outcome == Outcome::Errored && !missing.is_empty()).then(|| AttemptError {
-            text: format!("nothing was measured for {}", missing.join(", ")),
+            text: format!("the item did not measure {}", missing.join(", ")),
             hint: "see the notes of this item in the log".into(),
             again: false,
         });

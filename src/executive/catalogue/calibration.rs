@@ -11,10 +11,9 @@ use crate::quantity::{Dimension, Unit};
 const ACCEL_BIAS: &str = "Is this accelerometer in its range in every position? If it is, suspect the sensor.";
 const SCALE: &str =
     "Check gravity and the angle of the turns in plan and bench file; if they are right, suspect the sensor.";
-const COUPLING: &str = "A socket that is turned by 3.4 arc minutes gives 0.1 %: check the seat; the angles between the axes of the module (nonorthogonality) do not depend on it.";
-const ANGLES: &str = "The axes of the sensors are not square to each other: the module's own, whatever its seat.";
-const RESIDUAL: &str =
-    "The positions do not fit one model: look for a position that was not quite still or not quite where it should be.";
+const COUPLING: &str = "A socket turned by 3.4 arc minutes adds 0.1 %: check the seat. The seat does not change the angles between the module's axes (nonorthogonality).";
+const ANGLES: &str = "The axes of the sensors are not square to each other. This is a property of the module; its seat does not change it.";
+const RESIDUAL: &str = "The positions do not fit one model: look for a position in which the module moved or was not at the right attitude.";
 
 /// Accelerometers from still positions.
 pub(super) static SIX_POSITION: ItemSpec = ItemSpec {
@@ -105,9 +104,8 @@ pub(super) static GYRO_STILL: ItemSpec = ItemSpec {
     timeout_s: 14_400.0,
 };
 
-const AT_ATTITUDE: &str =
-    "A bias at the attitude of the turns, with g-sensitivity in it: compare with the bias from the still positions.";
-const MISMATCH: &str = "Both senses did not turn by the same angle: check the table.";
+const AT_ATTITUDE: &str = "This bias is for the attitude of the turns and contains g-sensitivity: compare it with the bias from the still positions.";
+const MISMATCH: &str = "The table did not turn by the same angle in both senses: check the table.";
 
 /// Gyroscopes from turns by a known angle.
 pub(super) static ROTATION: ItemSpec = ItemSpec {
@@ -147,10 +145,10 @@ pub(super) static ROTATION: ItemSpec = ItemSpec {
 
 /// Coefficients that do not read back as they were written, bit for bit.
 pub const COEFFICIENTS_ALTERED: MeasurementSpec =
-    count("coefficients_altered", "What was read back is not what was written: suspect the module's flash.");
+    count("coefficients_altered", "The coefficients read back differ from those written: suspect the module's flash.");
 /// "good", or what is wrong with the stored coefficients.
 pub const CHECKSUM: MeasurementSpec =
-    text("checksum", "The checksum beside the stored coefficients is not theirs: suspect the module's flash.");
+    text("checksum", "The stored checksum does not match the stored coefficients: suspect the module's flash.");
 /// Time to store the coefficients.
 pub const STORE_TIME: MeasurementSpec = number(
     "write_time",
@@ -175,9 +173,9 @@ pub(super) static DOWNLOAD: ItemSpec = ItemSpec {
     timeout_s: 600.0,
 };
 
-const CHECK_ACCEL: &str = "The stored calibration does not give gravity: was the module moved in its socket since, or another one stored? If not, calibrate again.";
+const CHECK_ACCEL: &str = "The stored calibration does not give gravity: since the calibration, was the module moved in its socket, or another calibration stored? If not, calibrate again.";
 const CHECK_GYRO: &str =
-    "The stored calibration does not give the angle turned: check the table, then calibrate again.";
+    "The stored calibration does not give the angle of the turn: check the table, then calibrate again.";
 
 /// One position and one rotation with samples that the module itself compensates.
 pub(super) static CHECK: ItemSpec = ItemSpec {
@@ -188,7 +186,7 @@ pub(super) static CHECK: ItemSpec = ItemSpec {
         SETTLE,
         ParamSpec {
             name: "axis",
-            about: "axis that points up in the position and about which the module is turned",
+            about: "axis that points up in the position; the module turns about it",
             kind: ParamKind::Choice { of: &["x", "y", "z"], default: "z" },
         },
         ANGLE,

@@ -6,12 +6,12 @@ use super::shared::{
 use super::{Device, ItemSpec, ParamKind, ParamSpec, Resource, count, number};
 use crate::quantity::{Dimension, Unit};
 
-const ZERO: &str = "Iron near the sensor or in the module: clear the table, then suspect the magnetometer.";
+const ZERO: &str = "There is iron near the sensor or in the module: clear the table, then suspect the magnetometer.";
 const SHAPE: &str = "The sensitivities differ or the axes are not square: suspect the magnetometer.";
-const FIELD: &str = "Compare with the field of the bench file: iron nearby, or a wrong heading of the spin axis.";
+const FIELD: &str =
+    "Compare with the field in the bench file: look for iron nearby, or a wrong heading of the spin axis.";
 const ROUND: &str = "The corrected points do not lie on a circle: look for a disturbance that changes with time.";
-const ROLL: &str =
-    "The roll angle errs in step with the turn: look at the corrected plot, and for iron that turns with the module.";
+const ROLL: &str = "The roll angle has the same error in each turn: look at the corrected plot, and look for iron that turns with the module.";
 const LATE: &str =
     "Channels are sampled one after the other, or the table's angle is late: compare with the part's data.";
 
@@ -23,7 +23,7 @@ pub(super) static ELLIPSE: ItemSpec = ItemSpec {
         quantity("slow_spin", "rate of the slow spin", Unit::DegreePerSecond, (10.0, 7200.0), 1800.0),
         ParamSpec {
             name: "senses",
-            about: "senses in which it spins: one alone cannot tell a sampling skew from a skewed axis",
+            about: "senses of the spin: one sense alone cannot tell a sampling skew from a skewed axis",
             kind: ParamKind::Choices { of: &["+", "-"], default: &["+", "-"] },
         },
         quantity("duration", "time of each spin at full rate", Unit::Second, (1.0, 3600.0), 180.0),
@@ -66,7 +66,7 @@ pub(super) static ELLIPSOID: ItemSpec = ItemSpec {
         // The fit has nine parameters, so six attitudes are too few.
         ParamSpec {
             name: "positions",
-            about: "attitudes: each axis up and down at two headings, or at four",
+            about: "attitudes: 12 are each axis up and down at two headings, 24 at four",
             kind: ParamKind::Choice { of: &["12", "24"], default: "24" },
         },
         quantity("dwell", "time in each position", Unit::Second, (0.5, 600.0), 5.0),

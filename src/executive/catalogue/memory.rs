@@ -94,7 +94,7 @@ const FLASH_PARAMS: &[ParamSpec] = &[ParamSpec {
 /// Manufacturer, kind and capacity as the flash reports them.
 pub const JEDEC_ID: MeasurementSpec = text(
     "jedec_id",
-    "All 00 or FF: the flash does not answer, check its lines and supply; any other: another type is mounted.",
+    "Only 00 or FF: the flash does not answer; check its lines and supply. Other bytes: another type is mounted.",
 );
 /// Time of an erase.
 pub const ERASE_TIME: MeasurementSpec = number(
@@ -105,13 +105,13 @@ pub const ERASE_TIME: MeasurementSpec = number(
 );
 /// Words that are not FF after the erase.
 pub const BLANK_ERRORS: MeasurementSpec =
-    count("blank_errors", "Words are not FF after the erase: a bad sector, or write protection is on.");
+    count("blank_errors", "Words are not FF after the erase: the sector is bad, or write protection is on.");
 /// Time of writing.
 pub const WRITE_TIME: MeasurementSpec =
     number("write_time", Unit::Millisecond, Dimension::Time, "Slow programming: suspect a worn flash or a slow clock.");
 /// Words that do not read back as they were written.
 pub const VERIFY_ERRORS: MeasurementSpec =
-    count("verify_errors", "Words differ after programming: a bad sector, or a bad line to the flash.");
+    count("verify_errors", "Words differ after programming: the sector or the line to the flash is bad.");
 
 /// SPI flash.
 pub(super) static SPI_FLASH: ItemSpec = ItemSpec {

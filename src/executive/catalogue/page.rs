@@ -35,7 +35,7 @@ fn section(page: &mut String, item: ItemId) -> std::fmt::Result {
     }
     if !spec.needs.is_empty() {
         let before: Vec<&str> = spec.needs.iter().map(|(need, _)| need.as_str()).collect();
-        write!(page, " Works with what these items found before it: {}.", before.join(", "))?;
+        write!(page, " Uses the results of these earlier items: {}.", before.join(", "))?;
     }
     writeln!(page)?;
     if !spec.params.is_empty() {

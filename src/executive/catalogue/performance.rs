@@ -7,7 +7,7 @@ use super::shared::{
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number, text};
 use crate::quantity::{Dimension, Unit};
 
-const BIAS: &str = "The calibration does not hold: has the module warmed up, and does it lie as it did when it was calibrated? If so, calibrate again.";
+const BIAS: &str = "The calibration is no longer right: has the module warmed up, and does it lie as in its calibration? If so, calibrate again.";
 const STABILITY: &str = "The bias wanders: look for draughts and vibration first, then suspect this sensor.";
 const REPEATABILITY: &str = "The bias differs from power-on to power-on: suspect this sensor or its supply.";
 
@@ -35,7 +35,7 @@ pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
         dph("bias_x", BIAS),
         dph("bias_y", BIAS),
         dph("bias_z", BIAS),
-        text("label", "What the figures still hold of the earth's rotation."),
+        text("label", "This text says how much of the earth's rotation is still in the figures."),
         degc("temperature", WARM),
         SAMPLE_RATE,
         FAILED_READS,
@@ -59,7 +59,7 @@ pub(super) static ACCEL_BIAS: ItemSpec = ItemSpec {
     params: &[
         ParamSpec {
             name: "axes",
-            about: "axes to measure; each needs a position and the same turned upside down about the third axis",
+            about: "axes to measure; each needs a position, and that position turned upside down about the third axis",
             kind: ParamKind::Choices { of: &["x", "y", "z"], default: &["x", "y", "z"] },
         },
         quantity("dwell", "time in each position", Unit::Second, (10.0, 7200.0), 180.0),
@@ -153,20 +153,20 @@ pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
 };
 
 const STEP: &str = "The mean does not follow a small step in both senses: check that the fixture made the step, then suspect this sensor or its converter.";
-const RANGE: &str = "From the settings of the part and its codes, not shown by motion.";
+const RANGE: &str = "The range comes from the settings of the part and its codes; no motion has shown it.";
 
 /// Default for means of ten seconds and a module that just keeps 10 deg/h of bias stability: 14 cycles tell half a step
 /// of 18 deg/h from the whole step.
 const CYCLES_GYRO: ParamSpec = ParamSpec {
     name: "gyro_cycles",
-    about: "steps of each gyroscope in each sense, each between two levels without one",
+    about: "steps of each gyroscope in each sense, each between two levels without a step",
     kind: ParamKind::Integer { min: 2, max: 1000, default: 14 },
 };
 
 /// Default for a step of 1 mg and means that scatter by a quarter of it.
 const CYCLES_ACCEL: ParamSpec = ParamSpec {
     name: "accel_cycles",
-    about: "steps of each accelerometer in each sense, each between two levels without one",
+    about: "steps of each accelerometer in each sense, each between two levels without a step",
     kind: ParamKind::Integer { min: 2, max: 1000, default: 10 },
 };
 

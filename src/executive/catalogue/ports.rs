@@ -8,7 +8,7 @@ pub const WRONG_READS: MeasurementSpec =
     count("wrong_reads", "A line reads another level than its partner drives: the faulty pairs name it.");
 /// Faulty pairs driver>reader, or "none".
 pub const FAULTY_PAIRS: MeasurementSpec =
-    text("faulty_pairs", "Pairs are driver>reader: one line in all of them is open, or its driver is bad.");
+    text("faulty_pairs", "Each pair is driver>reader: a line that is in all pairs is open, or its driver is bad.");
 /// Pairs of lines that move together, or "none".
 pub const SHORTED_LINES: MeasurementSpec =
     text("shorted_lines", "These lines move together: look for solder between them.");
@@ -52,7 +52,7 @@ const NOISE: &str = "The line disturbs bytes: check cable, termination and groun
 
 /// Blocks that did not come back.
 pub const BLOCKS_LOST: MeasurementSpec =
-    count("blocks_lost", "Whole blocks vanish: check the cable, then the receiver of the module.");
+    count("blocks_lost", "Whole blocks are lost: check the cable, then the receiver of the module.");
 /// Bytes that came back altered or did not come back.
 pub const BYTES_WRONG: MeasurementSpec =
     count("bytes_wrong", "Bytes come back altered: suspect the module's SCI or its transceiver.");
@@ -105,7 +105,7 @@ pub const ADAPTER_ERRORS: MeasurementSpec =
     count("adapter_errors", "The host's adapter saw error frames: check cable, termination, bit rate.");
 /// Whether the controller left the bus: "yes" or "no".
 pub const BUS_OFF: MeasurementSpec =
-    text("bus_off", "The controller left the bus: look for a short between the lines or another bit rate.");
+    text("bus_off", "The controller left the bus: look for a short between the lines, or a wrong bit rate.");
 
 /// CAN echo.
 pub(super) static CAN: ItemSpec = ItemSpec {

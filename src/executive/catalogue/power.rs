@@ -4,8 +4,8 @@ use super::shared::quantity;
 use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number};
 use crate::quantity::{Dimension, Unit};
 
-const VOLTAGE: &str = "Compare the cycles in the details: if all are off, check the 5 V supply at the test socket; if one is, its contacts.";
-const CURRENT: &str = "Compare the cycles in the details: a module that draws otherwise after one power-on starts otherwise; suspect its supplies and its firmware.";
+const VOLTAGE: &str = "Compare the cycles in the details: if all are off, check the 5 V supply at the test socket; if one is off, check the contacts.";
+const CURRENT: &str = "Compare the cycles in the details: if the current differs after one power-on, the module started differently; suspect its supplies and its firmware.";
 const OFF: &str =
     "Something feeds the module with its supply off: check the board's switch, and lines that lead to other devices.";
 
@@ -40,7 +40,7 @@ pub(super) static POWER_CYCLE: ItemSpec = ItemSpec {
     params: &[
         ParamSpec {
             name: "cycles",
-            about: "times that the supply goes off and on again",
+            about: "number of times that the supply goes off and on again",
             kind: ParamKind::Integer { min: 1, max: 100, default: 3 },
         },
         quantity("off_time", "time without supply in each cycle", Unit::Second, (0.1, 600.0), 2.0),
@@ -53,7 +53,7 @@ pub(super) static POWER_CYCLE: ItemSpec = ItemSpec {
         ),
         quantity(
             "identity_timeout",
-            "board time after which a module that says nothing has not started",
+            "board time after power-on within which the module must report its identity",
             Unit::Second,
             (0.2, 60.0),
             2.0,

@@ -12,13 +12,17 @@ pub const SERIAL_NUMBER: MeasurementSpec = text(
 pub const PART: MeasurementSpec =
     text("part", "Another type of module is in the socket, or its identity was never written.");
 /// Version of its hardware.
-pub const HARDWARE: MeasurementSpec =
-    text("hardware", "The module is of another hardware version than the plan is for.");
+pub const HARDWARE: MeasurementSpec = text(
+    "hardware",
+    "The module's hardware version is not the one that the plan demands: use the plan for this version.",
+);
 /// Version of its firmware.
 pub const FIRMWARE: MeasurementSpec = text("firmware", "Load the firmware that the plan demands.");
 /// Version of the protocol between slave board and module.
-pub const PROTOCOL: MeasurementSpec =
-    count("protocol", "Firmware of the slave test board and station do not speak the same version.");
+pub const PROTOCOL: MeasurementSpec = count(
+    "protocol",
+    "The slave test board and the module use another protocol version than the plan demands: update the older firmware.",
+);
 /// Voltage at the socket while the module works.
 pub const SUPPLY_VOLTAGE: MeasurementSpec = number(
     "supply_voltage",
@@ -124,10 +128,10 @@ pub(super) static CPU: ItemSpec = ItemSpec {
     timeout_s: 10.0,
 };
 
-const MEAN: &str = "Every interval is off by the same part: suspect the oscillator of the module.";
+const MEAN: &str = "Every interval is off by the same fraction: suspect the oscillator of the module.";
 const WORST: &str = "Single intervals are off: look for interrupts that are blocked or a timer that is reloaded late.";
 const JITTER: &str = "The intervals scatter: look for interrupts that are blocked, or noise on the clock.";
-const MISSING: &str = "Interrupts were lost (positive) or came without cause (negative): suspect the interrupt line.";
+const MISSING: &str = "Interrupts were lost (positive) or came without a cause (negative): suspect the interrupt line.";
 
 /// Measurements of a timer's intervals of one length.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ use super::shared::{
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text};
 
 const SCALE: &str = "The scale factor differs from power-on to power-on: suspect this sensor or its supply.";
-const COUPLING: &str = "Calibrations disagree about this pair of axes: was the module seated anew between them? If not, suspect the sensors.";
+const COUPLING: &str = "Calibrations disagree about this pair of axes: was the module put into its socket again between them? If not, suspect the sensors.";
 const ANGLES: &str =
     "The angles between the sensors' axes change from calibration to calibration: suspect the sensors.";
 

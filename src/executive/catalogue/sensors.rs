@@ -98,16 +98,17 @@ pub(super) static IMU: ItemSpec = ItemSpec {
     timeout_s: 30.0,
 };
 
-const BOARD_CLOCK: &str = "The oscillator of the slave board is off: have it looked at.";
+const BOARD_CLOCK: &str = "The slave board's oscillator is off: have the board checked.";
 const PLACE: &str = "Check that the antenna sees the sky, and that its place in the bench file is right.";
 
 /// The hint for impossible values under a good checksum.
-const RECEIVER: &str = "The line is good, but what the receiver says cannot be: suspect the receiver or its firmware.";
+const RECEIVER: &str =
+    "The line is good, but the receiver sends impossible values: suspect the receiver or its firmware.";
 
 /// 3D, 2D, "dimensions unknown", "lost", or why there is no fix.
 pub const FIX_TYPE: MeasurementSpec = text(
     "fix_type",
-    "No fix: check antenna, cable and sky; 2D: too few satellites; dimensions unknown: the receiver says no GSA.",
+    "No fix: check antenna, cable and sky; 2D: too few satellites; dimensions unknown: the receiver sends no GSA.",
 );
 /// Mean latitude, WGS-84.
 pub const LATITUDE: MeasurementSpec = number("latitude", Unit::Degree, Dimension::Angle, PLACE);
@@ -133,43 +134,48 @@ pub const TIME_TO_FIX: MeasurementSpec = number(
     "time_to_fix",
     Unit::Second,
     Dimension::Time,
-    "A slow start: check the sky, and whether the receiver keeps its almanac.",
+    "The start was slow: check the sky, and whether the receiver keeps its almanac.",
 );
 /// Horizontal dilution of precision, the newest.
 pub const HDOP: MeasurementSpec =
-    count("hdop", "The satellites stand badly: try again later, or check what hides the sky.");
+    count("hdop", "The satellites are badly placed in the sky: try again later, or check what hides the sky.");
 /// Vertical dilution of precision, the newest.
 pub const VDOP: MeasurementSpec =
-    count("vdop", "The satellites stand badly: try again later, or check what hides the sky.");
+    count("vdop", "The satellites are badly placed in the sky: try again later, or check what hides the sky.");
 /// Pulses that came.
-pub const PPS_PULSES: MeasurementSpec = count("pps_pulses", "No pulse: check the 1PPS line; none comes without a fix.");
+pub const PPS_PULSES: MeasurementSpec =
+    count("pps_pulses", "No pulse: check the 1PPS line. Without a fix the receiver sends no pulse.");
 /// Largest deviation of a period from a second.
 pub const PPS_PERIOD_ERROR: MeasurementSpec = number(
     "pps_period_error",
     Unit::Microsecond,
     Dimension::Time,
-    "The pulses are not a second apart: check the 1PPS line for bounces, then the reference clock of the board.",
+    "The pulses are not one second apart: check the 1PPS line for bounces, then the reference clock of the board.",
 );
 /// Error of the board's clock, measured by the pulses.
 pub const BOARD_CLOCK_ERROR: MeasurementSpec = ppm("board_clock_error", BOARD_CLOCK);
 /// Sentences that arrived broken.
 pub const SENTENCE_ERRORS: MeasurementSpec = count(
     "sentence_errors",
-    "Sentences arrive broken: check the line between receiver and DSP; receiver_faults are of the receiver itself.",
+    "Sentences arrive damaged: check the line between receiver and DSP; receiver_faults counts faults of the receiver itself.",
 );
 /// Sentences without a checksum.
-pub const SENTENCES_UNCHECKED: MeasurementSpec =
-    count("sentences_unchecked", "The receiver says no checksums: switch them on, so that the line is checked.");
+pub const SENTENCES_UNCHECKED: MeasurementSpec = count(
+    "sentences_unchecked",
+    "The receiver sends no checksums: switch them on, so that the station can check the line.",
+);
 /// Impossible values under a good checksum.
 pub const RECEIVER_FAULTS: MeasurementSpec = count("receiver_faults", RECEIVER);
 /// The first of these faults, or "none".
 pub const RECEIVER_FAULT: MeasurementSpec = text("receiver_fault", RECEIVER);
 /// Frames of another protocol.
 pub const FOREIGN_FRAMES: MeasurementSpec =
-    count("foreign_frames", "The receiver says another protocol beside NMEA: check how its port is set.");
+    count("foreign_frames", "The receiver sends another protocol besides NMEA: check the settings of its port.");
 /// Epochs with a time that was sent before.
-pub const EPOCHS_REPEATED: MeasurementSpec =
-    count("epochs_repeated", "The receiver says the same moment again: its clock stands, or it plays something back.");
+pub const EPOCHS_REPEATED: MeasurementSpec = count(
+    "epochs_repeated",
+    "The receiver sends the same time again: its clock has stopped, or it plays back a recording.",
+);
 /// Spans of 1024 weeks by which the date is too early.
 pub const WEEK_ROLLOVERS: MeasurementSpec =
     count("week_rollovers", "The date is 1024 weeks too early, or more: the receiver's firmware is too old.");
@@ -277,7 +283,7 @@ pub const MAG_Z: MeasurementSpec = number(
     "mag_z",
     Unit::Gauss,
     Dimension::MagneticField,
-    "Compare with the vertical field of the bench file: iron near the socket, or a bad channel.",
+    "Compare with the vertical field in the bench file: look for iron near the socket, or a bad channel.",
 );
 
 /// AD channels: 1-3 the magnetometer, 4-8 through the DIP switches.
@@ -317,7 +323,8 @@ pub(super) static AD: ItemSpec = ItemSpec {
     timeout_s: 600.0,
 };
 
-const SCATTER: &str = "The solution scatters: check what the antenna sees and its cable, then suspect the receiver.";
+const SCATTER: &str =
+    "The positions scatter: check the antenna's view of the sky and its cable, then suspect the receiver.";
 
 /// One-sigma position and velocity about the surveyed antenna; pulses against the board's timer.
 pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
@@ -336,9 +343,14 @@ pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
         number("velocity_height", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
         number("pps_jitter", Unit::Nanosecond, Dimension::Time, "The pulses scatter: check the 1PPS line."),
         BOARD_CLOCK_ERROR,
-        number("pps_accuracy", Unit::Nanosecond, Dimension::Time, "Needs an external time reference."),
+        number(
+            "pps_accuracy",
+            Unit::Nanosecond,
+            Dimension::Time,
+            "This figure needs an external time reference: the station has none.",
+        ),
         count("epochs", "Epochs are missing: the fix was lost, or the line loses sentences."),
-        count("effective_epochs", "So few epochs are independent that the figure is uncertain: collect longer."),
+        count("effective_epochs", "Too few epochs are independent, so the figure is uncertain: collect longer."),
     ],
     devices: &[Device::Slave],
     resources: &[],

@@ -36,7 +36,7 @@ pub(super) const SETTLE: ParamSpec =
 /// Attitudes of a calibration of the accelerometers.
 pub(super) const POSITIONS: ParamSpec = ParamSpec {
     name: "positions",
-    about: "attitudes: each axis up and down, these at two headings, or at four",
+    about: "attitudes: 6 are each axis up and down; 12 are these at two headings, 24 at four",
     kind: ParamKind::Choice { of: &["6", "12", "24"], default: "6" },
 };
 
@@ -58,7 +58,7 @@ pub(super) const GRAVITY_U: ParamSpec =
 /// Whether the headings are as the record states them.
 pub(super) const HEADING: ParamSpec = ParamSpec {
     name: "heading",
-    about: "whether the headings of the fixture are true ones: if not, the horizontal earth rate stays in the figure",
+    about: "whether the fixture's headings are true headings: if not, the horizontal earth rate stays in the figure",
     kind: ParamKind::Choice { of: &["known", "unknown"], default: "known" },
 };
 
@@ -75,7 +75,7 @@ pub(super) const SENSORS: ParamSpec = ParamSpec {
 
 /// Rotation: angle of a turn.
 pub(super) const ANGLE: ParamSpec =
-    quantity("angle", "angle of each turn, whole turns", Unit::Degree, (360.0, 36_000.0), 1080.0);
+    quantity("angle", "angle of each turn, a multiple of 360 deg", Unit::Degree, (360.0, 36_000.0), 1080.0);
 
 /// Rotation: time of a turn.
 pub(super) const SPAN: ParamSpec = quantity("span", "time of each turn", Unit::Second, (1.0, 600.0), 5.0);
@@ -106,7 +106,7 @@ pub(super) const ANGLE_U: ParamSpec =
 /// values equally likely.
 pub(super) const CLOCK_U: ParamSpec = quantity(
     "clock_u",
-    "standard uncertainty of the sample clock, unless an item before has measured it by 1PPS",
+    "standard uncertainty of the sample clock, unless an earlier item has measured it by 1PPS",
     Unit::PartsPerMillion,
     (0.0, 1000.0),
     29.0,
@@ -115,7 +115,7 @@ pub(super) const CLOCK_U: ParamSpec = quantity(
 /// Error of the samples' rate against true time.
 pub const SAMPLE_RATE: MeasurementSpec = ppm(
     "sample_rate_error",
-    "The oscillator of the slave board is off, or that of this computer: compare both with a counter.",
+    "The oscillator of the slave board or of this computer is off: compare both with a frequency counter.",
 );
 
 /// Rotation: the scale factors that are accepted as possible.
@@ -149,7 +149,7 @@ pub(super) const fn degc(name: &'static str, look_at: &'static str) -> Measureme
 /// Reads without an answer of a chip, as a fraction of all samples that the item used.
 pub const FAILED_READS: MeasurementSpec = percent(
     "failed_reads",
-    "A failed read gives 0, -1 or the end of the range: suspect the line between sensor and FPGA, then the sensor.",
+    "A failed read shows 0, -1 or the end of the range: suspect the line between sensor and FPGA, then the sensor.",
 );
 
 /// Samples that repeat the one before on all channels, as a fraction of all samples that the item used.

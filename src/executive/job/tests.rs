@@ -266,15 +266,15 @@ fn a_bench_that_lacks_devices() {
     "#);
     let strict = FUNCTIONAL.replace("optional = true", "optional = false");
     insta::assert_snapshot!(Job::new(plan(&strict), bench, None).unwrap_err(), @r#"
-    plan.toml:50:6: "ad" needs what this bench has not: operator
+    plan.toml:50:6: "ad" cannot run: this bench has no operator
      50 | id = "ad"
         |      ^^^^
-        = try: run it on a terminal, or call the item optional with optional = true
+        = try: run the plan on a terminal, or make the item optional with optional = true
 
-    plan.toml:58:6: "can" needs what this bench has not: CAN link
+    plan.toml:58:6: "can" cannot run: this bench has no CAN link
      58 | id = "can"
         |      ^^^^^
-        = try: connect a CAN adapter, or call the item optional with optional = true
+        = try: connect a CAN adapter, or make the item optional with optional = true
     "#);
     // An item that is not selected needs no device.
     let only = ["cpu".to_owned()];

@@ -98,15 +98,15 @@ fn damaged_journals_are_refused() {
     show(format!("{twice}\n"));
     insta::assert_snapshot!(out, @r#"
     line 2 of the journal is not an event: expected value at line 1 column 1
-    line 2 of the journal does not follow from those before it: event 2 comes where event 1 is due
-    line 2 of the journal does not follow from those before it: event 0 comes where event 1 is due
-    line 1 of the journal does not follow from those before it: event 0 is board_found before run_started
-    line 28 of the journal does not follow from those before it: event 1 comes where event 27 is due
-    line 28 of the journal does not follow from those before it: event 27 is board_found after run_ended
-    line 2 of the journal does not follow from those before it: event 1 is item_started of the item "\u{1b}[2J", which is not planned
-    line 2 of the journal does not follow from those before it: event 1 is item_started of "identity", which is due for another attempt
-    line 2 of the journal does not follow from those before it: event 1 is measured of "identity", which has no attempt that runs
-    line 1 of the journal does not follow from those before it: item "io" is planned twice
+    line 2 of the journal contradicts the lines before it: event 1 is due, but event 2 comes
+    line 2 of the journal contradicts the lines before it: event 1 is due, but event 0 comes
+    line 1 of the journal contradicts the lines before it: event 0 is board_found before run_started
+    line 28 of the journal contradicts the lines before it: event 27 is due, but event 1 comes
+    line 28 of the journal contradicts the lines before it: event 27 is board_found after run_ended
+    line 2 of the journal contradicts the lines before it: event 1 is item_started of the item "\u{1b}[2J", which is not planned
+    line 2 of the journal contradicts the lines before it: event 1 is item_started of "identity", which is due for another attempt
+    line 2 of the journal contradicts the lines before it: event 1 is measured of "identity", which has no attempt that runs
+    line 1 of the journal contradicts the lines before it: item "io" is planned twice
     "#);
 }
 

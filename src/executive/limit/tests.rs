@@ -122,7 +122,7 @@ fn refusals() {
         a tolerance in % of 0 leaves no room
         try: write both bounds: "-0.5 % .. 0.5 %" for a ratio, "-2 .. 2 deg/s" for a rate
     5 % +- 5 %
-        % after +- could mean a part of the value or the value itself
+        % after +- is ambiguous: it could mean a part of the value, or a value in %
         try: write both bounds: "-0.5 % .. 0.5 %" for a ratio, "-2 .. 2 deg/s" for a rate
     500 us +- 2
         2 has no unit
@@ -140,17 +140,17 @@ fn refusals() {
         "<= 3" is a limit for numbers, but this measurement is a text
         try: write == and the text, or == $serial_number for the scanned one
     ==
-        nothing stands after ==
+        there is no text after ==
         try: write == and the text, or == $serial_number for the scanned one
     == $serial
         unknown placeholder "$serial"
         try: the only placeholder is $serial_number
     -2 .. 2 s, marginal 0 s
         the marginal band 0 s is not above zero
-        try: leave it out if no value shall be marginal
+        try: leave the band out if no value is to be marginal
     -2 .. 2 s, marginal -1 s
         the marginal band -1 s is not above zero
-        try: leave it out if no value shall be marginal
+        try: leave the band out if no value is to be marginal
     -2 .. 2 s, marginal 3 s
         with a marginal band of 3 s every good value would be marginal
         try: make it less than half the width of the limit

@@ -96,14 +96,14 @@ impl Reader<'_> {
                 let from = chain.iter().position(|file| *file == known).unwrap_or(0);
                 let files: Vec<String> =
                     chain[from..].iter().chain([&known]).map(|file| quoted(&self.sources[*file].name)).collect();
-                Some((format!("the include runs in a circle: {}", files.join(" > ")), "remove one of them"))
+                Some((format!("the includes form a circle: {}", files.join(" > ")), "remove one of them"))
             }
             Some(_) => Some((format!("{} is included twice", quoted(&name)), "remove one of them")),
             None if self.sources.len() >= MAX_PLAN_FILES => {
-                Some((format!("the plan has more than {MAX_PLAN_FILES} files"), "put some of them together"))
+                Some((format!("the plan has more than {MAX_PLAN_FILES} files"), "join some of them into one file"))
             }
             None if chain.len() > MAX_INCLUDE_DEPTH => {
-                Some((format!("includes lie more than {MAX_INCLUDE_DEPTH} deep in each other"), "include it higher up"))
+                Some((format!("includes are nested more than {MAX_INCLUDE_DEPTH} deep"), "include it higher up"))
             }
             None => None,
         };
@@ -138,7 +138,7 @@ fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
     });
     let version = root.required_text("version", "write version = \"1.0\" at the top").map(|(version, span)| {
         if version.chars().count() > NAME_CHARACTERS || version.chars().any(char::is_control) {
-            walk.mistake(span, format!("{} is not fit for a version", quoted(version)), "write it like \"1.0\"");
+            walk.mistake(span, format!("{} cannot be used as a version", quoted(version)), "write it like \"1.0\"");
         }
         version.to_owned()
     });
@@ -169,7 +169,7 @@ fn link(mut raw: Vec<RawItem>, sources: &[SourceText], unreadable: bool, mistake
                 let other = &raw[*first.get()];
                 let place = sources[other.item.place.source].place(other.name_span.clone());
                 let what = format!(
-                    "the name {} stands twice, first at {}:{}",
+                    "the name {} appears twice, first at {}:{}",
                     quoted(&item.name),
                     printable(&place.file),
                     place.line
@@ -250,7 +250,7 @@ impl Linker<'_> {
         let kinds = kinds.unwrap_or_default();
         if !kinds.contains(&other.id) {
             let ids = kinds.iter().map(|id| id.as_str()).collect::<Vec<_>>().join(" or ");
-            let what = format!("{} makes no captures that {} can use", quoted(&other.name), item.id);
+            let what = format!("{} has no captures that {} can use", quoted(&other.name), item.id);
             mistakes
                 .add(|| self.source_of(position).mistake(span.clone(), what, format!("name an item that is {ids}")));
         }
@@ -262,8 +262,7 @@ impl Linker<'_> {
         for (need, when) in item.id.spec().needs {
             let there = self.raw[..position].iter().any(|raw| raw.item.id == *need);
             if !there && !self.unreadable && item.params.switch_on(*when) {
-                let what =
-                    format!("{} works with what {need} finds, and no {need} stands before it", quoted(&item.name));
+                let what = format!("{} uses the results of {need}, and no {need} comes before it", quoted(&item.name));
                 let hint = format!("put an item with id = \"{need}\" before it");
                 let span = item.place.start..item.place.end;
                 mistakes.add(|| self.source_of(position).mistake(span, what, hint));

@@ -57,7 +57,7 @@ pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, source: usize) -> 
     let retry_failed = table.flag("retry_failed");
     if retry_failed && attempts == 1 {
         let span = table.entry("retry_failed").map_or(table.span(), |entry| entry.span());
-        walk.mistake(span, "retry_failed without further attempts changes nothing", "write attempts = 2 beside it");
+        walk.mistake(span, "retry_failed has no effect with one attempt", "write attempts = 2 beside it");
     }
     let repeats = table.integer("repeats", (1, MAX_REPEATS), 1);
     let timeout_s = timeout(walk, &table).unwrap_or(spec.timeout_s);
@@ -73,7 +73,7 @@ pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, source: usize) -> 
     });
     let limits = limits::read(walk, table.table("limits").as_ref(), id, &params);
     if limits.as_ref().is_some_and(Vec::is_empty) && phase == Phase::Test {
-        let what = format!("{} has no limits: nothing would be judged", quoted(name));
+        let what = format!("{} has no limits, so the station could not judge it", quoted(name));
         walk.mistake(id_span.clone(), what, "write them below a line [item.limits]");
     }
     table.finish();
@@ -113,7 +113,8 @@ fn decision(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Decision {
     let Some((text, span)) = table.text("decision") else { return Decision::default() };
     let known = [Decision::Simple, Decision::GuardBand].into_iter().find(|decision| decision.as_str() == text);
     known.unwrap_or_else(|| {
-        let hint = "\"simple\": the value decides; \"guard-band\": its whole coverage interval must keep the limit";
+        let hint =
+            "\"simple\": the value decides; \"guard-band\": its whole coverage interval must be within the limit";
         walk.mistake(span, format!("unknown decision {}", quoted(text)), hint);
         Decision::default()
     })
@@ -123,7 +124,7 @@ fn timeout(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Option<f64> {
     let (timeout, span) = quantity_at(table, "timeout", Dimension::Time)?;
     let seconds = timeout.si();
     if !(TIMEOUT_S.0..=TIMEOUT_S.1).contains(&seconds) {
-        walk.mistake(span, format!("a timeout of {timeout} is out of range"), "it may be 1 ms to 24 h");
+        walk.mistake(span, format!("a timeout of {timeout} is out of range"), "write 1 ms to 24 h");
         return None;
     }
     Some(seconds)
@@ -146,6 +147,6 @@ pub(super) fn check_name(walk: &Walk<'_>, name: &str, span: Span) {
     let first = name.bytes().next().is_some_and(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit());
     if !first || !name.bytes().all(fit) || name.len() > NAME_CHARACTERS {
         let hint = "small letters, digits, - _ and . are allowed, at most 64 of them, a letter or digit first";
-        walk.mistake(span, format!("{} is not fit for a folder's name", quoted(name)), hint);
+        walk.mistake(span, format!("{} cannot be used as the name of a folder", quoted(name)), hint);
     }
 }

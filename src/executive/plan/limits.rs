@@ -88,7 +88,7 @@ fn parse(walk: &Walk<'_>, key: &str, written: &Written<'_>, measurement: &Measur
         let what = if key == measurement.name {
             error.to_string()
         } else {
-            format!("{} is for {} too, and there {error}", quoted(key), measurement.name)
+            format!("{} also limits {}: {error}", quoted(key), measurement.name)
         };
         walk.mistake(span.clone(), what, hint(error, measurement));
     };

@@ -176,7 +176,7 @@ fn value(entry: &TomlEntry<'_, '_>, name: &'static str, kind: &ParamKind) -> Opt
                 let Some(text) = element.text() else { continue };
                 match of.iter().find(|choice| **choice == text) {
                     Some(choice) if chosen.contains(choice) => {
-                        element.mistake(format!("{} stands twice in {name}", quoted(text)), "");
+                        element.mistake(format!("{} appears twice in {name}", quoted(text)), "");
                     }
                     Some(choice) => chosen.push(choice),
                     None => element.mistake(format!("{name} cannot hold {}", quoted(text)), choices_hint(text, of)),
@@ -211,7 +211,7 @@ fn integers(entry: &TomlEntry<'_, '_>, bounds: (i64, i64)) -> Option<Vec<i64>> {
     for element in entry.list("a list of whole numbers")? {
         let number = element.integer(bounds)?;
         if numbers.contains(&number) {
-            element.mistake(format!("{number} stands twice in {name}"), "");
+            element.mistake(format!("{number} appears twice in {name}"), "");
         } else {
             numbers.push(number);
         }

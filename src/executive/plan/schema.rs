@@ -24,16 +24,16 @@ pub fn plan_schema() -> Value {
             "version": { "description": "Version of the plan.", "type": "string" },
             "description": { "description": "What the plan is for.", "type": "string" },
             "on_fail": {
-                "description": "What happens after an item that is not good.",
+                "description": "What the run does after an item that is not good: run the next item, or stop.",
                 "enum": ["continue", "stop"]
             },
             "include": {
-                "description": "Plans whose items are run before those of this one, relative to this file.",
+                "description": "Paths of other plans, relative to this file. Their items run before the items of this plan.",
                 "type": "array",
                 "items": { "type": "string" }
             },
             "item": {
-                "description": "The items in the order of running.",
+                "description": "The items, in the order in which they run.",
                 "type": "array",
                 "items": { "oneOf": ItemId::ALL.map(item) }
             }
@@ -75,29 +75,29 @@ fn item(id: ItemId) -> Value {
         "additionalProperties": false,
         "properties": {
             "id": { "description": spec.title, "const": id.as_str() },
-            "name": { "description": "Unique name; the id if it is left out.", "$ref": "#/$defs/name" },
+            "name": { "description": "Unique name. If it is left out, the id is the name.", "$ref": "#/$defs/name" },
             "phase": {
-                "description": "setup: all tests need it. teardown: always run at the end.",
+                "description": "setup: all tests need this item. teardown: this item always runs at the end.",
                 "enum": ["setup", "test", "teardown"]
             },
-            "optional": { "description": "Skipped instead of refused where the bench lacks a device.", "type": "boolean" },
+            "optional": { "description": "If true, a bench that lacks a device of the item skips it. If not, the station refuses the plan.", "type": "boolean" },
             "requires": {
-                "description": "Names of items before this one; it is skipped unless they are good.",
+                "description": "Names of earlier items. This item is skipped unless they are all good.",
                 "type": "array",
                 "items": { "type": "string" }
             },
-            "attempts": { "description": "Tries of an errored item.", "type": "integer", "minimum": 1, "maximum": 10 },
+            "attempts": { "description": "How many times an errored item may run.", "type": "integer", "minimum": 1, "maximum": 10 },
             "retry_failed": { "description": "Whether a failed item is tried again too.", "type": "boolean" },
-            "repeats": { "description": "Rounds within an attempt.", "type": "integer", "minimum": 1, "maximum": 1000 },
+            "repeats": { "description": "How many times the item measures within an attempt.", "type": "integer", "minimum": 1, "maximum": 1000 },
             "timeout": {
-                "description": format!("Board time for an attempt; {} s if it is left out.", spec.timeout_s),
+                "description": format!("Longest board time of an attempt. If it is left out: {} s.", spec.timeout_s),
                 "type": "string"
             },
             "decision": {
-                "description": "simple: the value decides. guard-band: the whole coverage interval of a figure must keep its limit.",
+                "description": "simple: the value decides. guard-band: the whole coverage interval of a figure must be within its limit.",
                 "enum": ["simple", "guard-band"]
             },
-            "prompt": { "description": "What the operator is asked to do before the first attempt.", "type": "string" },
+            "prompt": { "description": "What the operator must do before the first attempt.", "type": "string" },
             "params": params(spec),
             "limits": limits(spec)
         }
@@ -159,7 +159,7 @@ fn limits(spec: &ItemSpec) -> Value {
         })
         .collect();
     json!({
-        "description": "What measured values must keep; a key with * stands for every measurement that it matches.",
+        "description": "Limits of the measured values. A key with * is for every measurement that it matches.",
         "type": "object",
         "additionalProperties": false,
         "properties": properties,

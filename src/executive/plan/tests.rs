@@ -215,7 +215,7 @@ fn captures_of_another_item() {
         |                 ^^^^^^^^^^^^^
         = try: did you mean "six-position"?
 
-    plan.toml:21:17: "gyro-still" makes no captures that gyro-still can use
+    plan.toml:21:17: "gyro-still" has no captures that gyro-still can use
      21 | params = { of = "gyro-still" }
         |                 ^^^^^^^^^^^^
         = try: name an item that is six-position
@@ -232,17 +232,17 @@ fn calibrations_that_are_needed() {
     };
     assert!(read(&[("plan.toml", &format!("{head}{six}{}", hour("params = { sensors = [\"accel\"] }\n")))]).is_ok());
     insta::assert_snapshot!(mistakes(&format!("{head}{}{six}", hour(""))), @r#"
-    plan.toml:4:6: "bias-stability" works with what six-position finds, and no six-position stands before it
+    plan.toml:4:6: "bias-stability" uses the results of six-position, and no six-position comes before it
      4 | id = "bias-stability"
        |      ^^^^^^^^^^^^^^^^
        = try: put an item with id = "six-position" before it
 
-    plan.toml:4:6: "bias-stability" works with what gyro-still finds, and no gyro-still stands before it
+    plan.toml:4:6: "bias-stability" uses the results of gyro-still, and no gyro-still comes before it
      4 | id = "bias-stability"
        |      ^^^^^^^^^^^^^^^^
        = try: put an item with id = "gyro-still" before it
 
-    plan.toml:4:6: "bias-stability" works with what rotation finds, and no rotation stands before it
+    plan.toml:4:6: "bias-stability" uses the results of rotation, and no rotation comes before it
      4 | id = "bias-stability"
        |      ^^^^^^^^^^^^^^^^
        = try: put an item with id = "rotation" before it

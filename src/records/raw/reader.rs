@@ -60,7 +60,7 @@ pub enum RawError {
         source: McapError,
     },
     /// A message is complete but not what it should be.
-    #[error("it is no record of this station: {what} {place}")]
+    #[error("it is not a record of this station: {what} {place}")]
     Foreign {
         /// What is wrong.
         what: String,
@@ -82,7 +82,7 @@ impl RawError {
     #[must_use]
     pub fn try_this(&self) -> &'static str {
         match self {
-            Self::Io(_) => "check the path and who may read it",
+            Self::Io(_) => "check the path, and that this user may read it",
             Self::Damaged { .. } => {
                 "restore the file from a backup; `gnc-station records verify` says what was changed"
             }
@@ -238,7 +238,7 @@ impl Found {
                     Some(topic) if channel.message_encoding == "protobuf" => {
                         self.channels.entry(channel.id).or_insert(topic);
                     }
-                    Some(_) => return Err(self.foreign(format!("{} is no protobuf", channel.topic))),
+                    Some(_) => return Err(self.foreign(format!("{} is not protobuf", channel.topic))),
                     // Later versions may have more topics.
                     None => {}
                 }
@@ -324,7 +324,7 @@ impl Found {
 
     fn end(&mut self, losses: Losses, host: HostView) -> Result<(), RawError> {
         let Some(mut capture) = self.open.take() else {
-            return Err(self.foreign("a capture ends that has not begun".into()));
+            return Err(self.foreign("a capture ends before it begins".into()));
         };
         capture.losses = losses;
         capture.timing.host = host;
@@ -362,7 +362,7 @@ impl Found {
 
     fn close(self, cut_off: bool) -> Result<RawRecord, RawError> {
         if self.channels.is_empty() {
-            return Err(self.foreign("it has none of our topics".into()));
+            return Err(self.foreign("it has none of the station's topics".into()));
         }
         let unfinished = self
             .open

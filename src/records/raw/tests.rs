@@ -256,7 +256,7 @@ fn messages_say_what_and_where() {
     let error = gnc_text::with_causes(&read(bytes.as_slice()).unwrap_err());
     assert!(error.starts_with("it is damaged before the first capture: "), "{error}");
     let twice = [captures[0].clone(), captures[0].clone()];
-    check(&file(&twice), "it is no record of this station: `x+` comes twice after capture `x+`");
+    check(&file(&twice), "it is not a record of this station: `x+` comes twice after capture `x+`");
 }
 
 /// Found by fuzzing: the reader took the rest of the file for the chunk's own, or the station panicked.
@@ -274,7 +274,10 @@ fn a_record_does_not_leave_its_chunk() {
     };
     let error = |file: Vec<u8>| gnc_text::with_causes(&read(file.as_slice()).unwrap_err());
     let whole = error(chunk(&record(0x80, 3, &[0; 3])));
-    assert_eq!(whole, "it is no record of this station: it has none of our topics before the first capture");
+    assert_eq!(
+        whole,
+        "it is not a record of this station: it has none of the station's topics before the first capture"
+    );
     for length in [4, 20, 1 << 40] {
         let broken = error(chunk(&record(0x80, length, &[0; 3])));
         assert_eq!(broken, "it is damaged before the first capture: Chunk ended in the middle of a record", "{length}");

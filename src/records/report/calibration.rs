@@ -10,7 +10,7 @@ pub(super) fn show(page: &mut SvgPage, passport: &Result<Passport, NoPassport>) 
         Err(NoPassport::NoCalibration) => return,
         Err(why) => {
             page.element("h2", "", "Sensor passport");
-            page.element("p", "", &format!("None: {why}. What was found stands with the items."));
+            page.element("p", "", &format!("None: {why}. The items show what the run found."));
             return;
         }
         Ok(passport) => passport,
@@ -45,11 +45,11 @@ pub(super) fn show(page: &mut SvgPage, passport: &Result<Passport, NoPassport>) 
         ("Mounting of the seat on the table", each(alignment.mounting_deg, "deg")),
         ("Standard uncertainty of the mounting", optional(alignment.mounting_u_deg, "deg")),
         (
-            "Angles between the accelerometers' own axes less 90 deg, xy xz yz",
+            "Angles between the accelerometers' own axes minus 90 deg, xy xz yz",
             each(Some(alignment.nonorthogonality_accel_ppm), "ppm"),
         ),
         (
-            "Angles between the gyroscopes' own axes less 90 deg, xy xz yz",
+            "Angles between the gyroscopes' own axes minus 90 deg, xy xz yz",
             each(Some(alignment.nonorthogonality_gyro_ppm), "ppm"),
         ),
         ("Temperature of the calibration, measured", temperature),

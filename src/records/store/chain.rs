@@ -195,7 +195,7 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
     let mut checked = ChainCheck::default();
     let chains = chains(records, usize::MAX)?;
     for day in chains.iter().filter(|day| day.broken > 0) {
-        checked.problems.push(format!("{}: {} lines are none of a chain", day.path.display(), day.broken));
+        checked.problems.push(format!("{}: {} lines do not belong to a chain", day.path.display(), day.broken));
     }
     let mut links: Vec<ChainEntry> = chains.into_iter().flat_map(|day| day.links).collect();
     links.sort_by_key(|link| link.number);
@@ -216,16 +216,16 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
     slipped_in(records, &links, &mut checked.problems)?;
     match (counter(records)?, links.last()) {
         (None, Some(_)) => {
-            checked.problems.push(format!("{COUNTER} is missing, so nobody knows how many runs there were"));
+            checked.problems.push(format!("{COUNTER} is missing, so the number of runs is not known"));
         }
         (Some((number, _)), last) if last.map_or(0, |last| last.number) < number => {
             let last = last.map_or(0, |last| last.number);
-            checked
-                .problems
-                .push(format!("{number} runs were closed and the chain ends at run {last}: the newest are gone"));
+            checked.problems.push(format!(
+                "{number} runs were closed, but the chain ends at run {last}: the newest runs are missing"
+            ));
         }
         (Some((number, link)), _) if links.iter().any(|one| one.number == number && one.link != link) => {
-            checked.problems.push(format!("run {number} is another one than {COUNTER} remembers"));
+            checked.problems.push(format!("run {number} is not the run that {COUNTER} remembers"));
         }
         _ => {}
     }
@@ -239,8 +239,11 @@ fn look_at(records: &Path, link: &ChainEntry, problems: &mut Vec<String>) {
     let sums = records.join(&link.run).join(DIGESTS);
     match digest::of_file(&sums) {
         Ok(digest) if digest == link.digest => {}
-        Ok(_) => problems.push(format!("run {} ({}): {DIGESTS} is another one than was closed", link.number, link.run)),
-        Err(_) => problems.push(format!("run {} ({}) was closed and is gone", link.number, link.run)),
+        Ok(_) => {
+            problems
+                .push(format!("run {} ({}): {DIGESTS} was changed after the run was closed", link.number, link.run));
+        }
+        Err(_) => problems.push(format!("run {} ({}) was closed, and its folder is missing", link.number, link.run)),
     }
 }
 

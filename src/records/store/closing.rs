@@ -61,7 +61,7 @@ pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>, cut_off: &[C
 fn log(record: &RunRecord, cut_off: &[CutOffFile]) -> String {
     let mut log = text::log_txt(record);
     if !cut_off.is_empty() {
-        log.push_str("\nRaw samples that had no end\n");
+        log.push_str("\nFiles of raw samples without an end\n");
         log.extend(cut_off.iter().map(|file| format!("  {}\n", file.in_words())));
     }
     log
@@ -109,11 +109,12 @@ pub fn seal_interrupted(records: &Path, key: Option<&StationKey>) -> Vec<String>
         |error: &StoreError| format!("cannot be sealed: {}; {}", gnc_text::with_causes(error), error.try_this());
     let chained = match chain::unknown(records, closed) {
         Ok(unknown) => unknown,
-        Err(error) => return vec![format!("what was interrupted {}", cannot(&error))],
+        Err(error) => return vec![format!("the interrupted runs {}", cannot(&error))],
     };
     let chained = chained.iter().filter_map(|run| match put_into_chain(records, run) {
-        Ok(done) => done.then(|| format!("{} was interrupted in its sealing, which is done now", name(run))),
-        Err(error) => Some(format!("{} was interrupted in its sealing and {}", name(run), cannot(&error))),
+        Ok(done) => done
+            .then(|| format!("{} was interrupted while the station sealed it; the sealing is complete now", name(run))),
+        Err(error) => Some(format!("{} was interrupted while the station sealed it and {}", name(run), cannot(&error))),
     });
     let sealed = open.iter().filter_map(|run| match seal(run, key) {
         Ok(what) => what.map(|what| format!("{} {what}", name(run))),
@@ -172,7 +173,7 @@ fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> Str
     let last = state.last().map_or_else(String::new, |last| format!(" after {}", last.at.format("%F %T")));
     let serial_number = &record.serial_number;
     let ended: String = cut_off.iter().map(|file| format!("{}; ", file.in_short())).collect();
-    format!("was interrupted{during}{last}; {ended}it is sealed as that, and {serial_number} has to be tested again")
+    format!("was interrupted{during}{last}; {ended}it is sealed as interrupted; test {serial_number} again")
 }
 
 /// Writes JSON in the form of the record's files.

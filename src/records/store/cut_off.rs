@@ -49,7 +49,7 @@ pub(super) struct CutOffFile {
 impl CutOffFile {
     /// The short text that the next start prints.
     pub(super) fn in_short(&self) -> String {
-        let now = if self.damaged.is_some() { "is damaged: it is left as it was" } else { "has its end now" };
+        let now = if self.damaged.is_some() { "is damaged and stays as it was" } else { "has its end now" };
         format!("{} was cut off and {now}", printable(&self.file))
     }
 

@@ -39,7 +39,7 @@ pub enum KeyError {
         source: io::Error,
     },
     /// Other users have rights to the key file.
-    #[error("the key {} may be used by others than its owner (mode {mode:03o})", path.display())]
+    #[error("other users may use the key {} (mode {mode:03o})", path.display())]
     Open {
         /// The key file.
         path: PathBuf,
@@ -53,7 +53,7 @@ pub enum KeyError {
         path: PathBuf,
     },
     /// The file does not hold such a key.
-    #[error("{} is no {form} key of Ed25519", path.display())]
+    #[error("{} is not a {form} Ed25519 key", path.display())]
     NoKey {
         /// The key file.
         path: PathBuf,
@@ -68,14 +68,14 @@ impl KeyError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::File { source, .. } if source.kind() == io::ErrorKind::AlreadyExists => {
-                "a key is never written over: move the old one away, and keep its public half for its runs"
+                "the station does not overwrite a key: move the old key away, and keep its public half to verify its runs"
             }
-            Self::File { what: "write", .. } => "name a file in a folder that is there and that you may write to",
+            Self::File { what: "write", .. } => "name a file in a folder that exists and that this user may write to",
             Self::File { .. } => {
                 "check the path, and `key` under [station] in the bench file; `gnc-station records key FILE` makes FILE and FILE.pub"
             }
-            Self::Open { .. } => "`chmod 600` the key; if others may have read it, make another one",
-            Self::Foreign { .. } => "run the station as the key's owner, or make a key of its own",
+            Self::Open { .. } => "run `chmod 600` on the key; if other users may have read it, make a new key",
+            Self::Foreign { .. } => "run the station as the key's owner, or make a new key for this user",
             Self::NoKey { .. } => "name the file that `gnc-station records key FILE` wrote, or FILE.pub to verify",
         }
     }
@@ -207,6 +207,10 @@ mod tests {
         assert!(matches!(PublicKey::read(&path), Err(KeyError::NoKey { .. })));
         std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o640)).expect("rights");
         let refused = StationKey::read(&path).expect_err("too open");
-        assert!(refused.to_string().ends_with("may be used by others than its owner (mode 640)"), "{refused}");
+        assert!(
+            refused.to_string().starts_with("other users may use the key ")
+                && refused.to_string().ends_with(" (mode 640)"),
+            "{refused}"
+        );
     }
 }

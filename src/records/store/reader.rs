@@ -320,21 +320,21 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     };
     // The next start seals an interrupted run.
     if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted() && !path.exists()) {
-        return only("interrupted: the run has no end, so nothing vouches for it".into());
+        return only("interrupted: the run has no end, so it cannot be verified".into());
     }
     if !path.exists() {
-        let problem = format!("{DIGESTS} is missing: nothing vouches for this run");
+        let problem = format!("{DIGESTS} is missing: this run cannot be verified");
         return Ok(Verified { problems: vec![problem], newer });
     }
     let (sums, bad) = FileDigests::read(folder)?;
-    let mut problems = vec![format!("{DIGESTS} holds a line that is no digest"); bad];
+    let mut problems = vec![format!("{DIGESTS} holds a line that is not a digest"); bad];
     let mut promised = sums.into_map();
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {
             None => problems.push(format!("{} was added", file.display())),
             // A link or a device in place of the file is not a file of the record, wherever it points.
             Some(_) if !folder.join(&file).symlink_metadata().is_ok_and(|meta| meta.is_file()) => {
-                problems.push(format!("{} was replaced by something that is no file", file.display()));
+                problems.push(format!("{} was replaced by something that is not a file", file.display()));
             }
             Some(digest) => match digest::of_file(&folder.join(&file)) {
                 Ok(found) if found == digest => {}

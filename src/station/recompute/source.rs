@@ -44,7 +44,7 @@ impl RunError {
             Self::Plan { .. } => "",
             Self::Unfit { .. } => "give a plan with the same items under the same names; limits may differ",
             Self::Captures(error) => error.source.try_this(),
-            Self::Param(_) => "report this: the station accepted a plan that it should have refused",
+            Self::Param(_) => "report this: the station should not have accepted the plan",
             Self::Store(error) => error.try_this(),
         }
     }

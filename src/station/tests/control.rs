@@ -142,7 +142,7 @@ fn a_first_round_that_cannot_begin_is_refused() {
     let unknown = RunRequest { selection: Some(vec!["cpo".to_owned()]), ..asked.clone() };
     assert!(refused(&unknown, &[]).contains("cpo"), "{}", refused(&unknown, &[]));
     let gone = RunRequest { resume: Some("records/gone".into()), ..asked };
-    let told = "the run to take up again cannot be read: cannot read records/gone/events.jsonl: ";
+    let told = "the run to resume cannot be read: cannot read records/gone/events.jsonl: ";
     assert!(refused(&gone, &[]).starts_with(told), "{}", refused(&gone, &[]));
 }
 
@@ -170,7 +170,7 @@ fn a_pause_holds_the_next_item_and_is_in_the_log() {
     assert_eq!(outcomes(&state), [Outcome::Passed; 3]);
     let notes: Vec<&str> = state.notes().iter().map(|note| note.text.as_str()).collect();
     assert!(notes.iter().any(|note| note.starts_with("paused")), "{notes:?}");
-    assert!(notes.iter().any(|note| note.starts_with("went on after a pause")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.starts_with("the run continued after a pause")), "{notes:?}");
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn what_does_not_fit_beside_others_runs_after_them() {
         |_, _| {},
     );
     assert_eq!(outcomes(&state), [Outcome::Passed; 2]);
-    let crowded = |text: &str| text.starts_with("it did not fit on the line beside what else ran");
+    let crowded = |text: &str| text.starts_with("the item did not fit on the line beside the others");
     assert!(state.notes().iter().any(|note| crowded(&note.text)), "{:?}", state.notes());
 }
 

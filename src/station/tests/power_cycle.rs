@@ -133,7 +133,7 @@ fn a_module_that_is_not_off_is_no_evidence() {
 
 #[test]
 fn a_board_that_answers_for_the_module_is_no_evidence() {
-    check_no_evidence("[board]\ncaches_identity = true\n", "it answers for a module that has no supply");
+    check_no_evidence("[board]\ncaches_identity = true\n", "the board gives an identity, but the module has no supply");
 }
 
 #[test]

@@ -46,7 +46,7 @@ pub(super) async fn file(
     // A broken sentence gives no date, but those of other epochs do.
     match newest(&heard.fixes, |epoch| epoch.date) {
         Some(date) => recorder.count(&WEEK_ROLLOVERS, week_rollovers(date)).await?,
-        None => recorder.not_available(&WEEK_ROLLOVERS, "the receiver says no date").await?,
+        None => recorder.not_available(&WEEK_ROLLOVERS, "the receiver sends no date").await?,
     }
     match heard.time_to_fix_s.filter(|_| restarted) {
         Some(time_s) => recorder.number(&TIME_TO_FIX, time_s, Unit::Second).await?,
@@ -58,13 +58,13 @@ pub(super) async fn file(
         None => recorder.not_available(measurement, why).await,
     };
     let speed_mps = average(&heard.fixes, |epoch| epoch.ground_speed_mps);
-    or(&GROUND_SPEED, speed_mps, Unit::MetrePerSecond, "neither RMC nor VTG says a speed").await?;
+    or(&GROUND_SPEED, speed_mps, Unit::MetrePerSecond, "neither RMC nor VTG gives a speed").await?;
     let used = heard.fixes.iter().filter_map(|epoch| epoch.satellites_used).min();
-    or(&SATELLITES_USED, used.map(f64::from), Unit::Count, "no sentence says how many satellites are used").await?;
+    or(&SATELLITES_USED, used.map(f64::from), Unit::Count, "no sentence gives the number of satellites used").await?;
     let hdop = newest(&heard.fixes, |epoch| epoch.hdop);
-    or(&HDOP, hdop, Unit::Count, "none of GGA, GNS and GSA says it").await?;
+    or(&HDOP, hdop, Unit::Count, "GGA, GNS and GSA do not give it").await?;
     let vdop = newest(&heard.fixes, |epoch| epoch.vdop);
-    or(&VDOP, vdop, Unit::Count, "no GSA says it").await?;
+    or(&VDOP, vdop, Unit::Count, "GSA does not give it").await?;
     if heard.pulses_ns.len() >= 2 {
         let error_us = heard.pulses_ns.windows(2).map(|pair| (pair[1].wrapping_sub(pair[0])) as f64 * 1e-3 - 1e6);
         let worst_us = error_us.map(f64::abs).fold(0.0, f64::max);
@@ -102,7 +102,7 @@ async fn said(heard: &Heard, recorder: &Recorder<'_>) -> Result<(), ProcedureErr
     recorder.text(&RECEIVER_FAULT, &fault).await?;
     recorder.count(&FOREIGN_FRAMES, counts.foreign.into()).await?;
     if counts.foreign > 0 {
-        recorder.note(&format!("the receiver says frames of other protocols: {}", heard.sentences.foreign())).await?;
+        recorder.note(&format!("the receiver sends frames of other protocols: {}", heard.sentences.foreign())).await?;
     }
     recorder.count(&EPOCHS_REPEATED, counts.repeated.into()).await?;
     Ok(recorder.count(&PPS_PULSES, heard.pulses_ns.len() as u64).await?)
@@ -147,8 +147,8 @@ async fn place(
     let here = average(fixes, |epoch| epoch.latitude_deg).zip(off_deg.map(|off_deg| short_way_deg(from_deg + off_deg)));
     let height_m = average(fixes, |epoch| epoch.height_m);
     let no_height = match average(fixes, |epoch| epoch.altitude_m) {
-        Some(_) => "the receiver says no geoid separation, so that the height above the ellipsoid is not known",
-        None => "the receiver says no height",
+        Some(_) => "the receiver sends no geoid separation, so the height above the ellipsoid is not known",
+        None => "the receiver sends no height",
     };
     if let Some((latitude_deg, longitude_deg)) = here {
         recorder.number(&LATITUDE, latitude_deg, Unit::Degree).await?;

@@ -43,17 +43,17 @@ fn includes_that_are_refused() {
         out.push_str("\n\n");
     }
     insta::assert_snapshot!(out, @r#"
-    b.toml:3:12: the include runs in a circle: "a.toml" > "b.toml" > "a.toml"
+    b.toml:3:12: the includes form a circle: "a.toml" > "b.toml" > "a.toml"
      3 | include = ["a.toml"]
        |            ^^^^^^^^
        = try: remove one of them
 
-    a.toml:5:6: the name "identity" stands twice, first at b.toml:5
+    a.toml:5:6: the name "identity" appears twice, first at b.toml:5
      5 | id = "identity"
        |      ^^^^^^^^^^
        = try: give one of them a name of its own: name = "..."
 
-    a.toml:3:12: the include runs in a circle: "a.toml" > "a.toml"
+    a.toml:3:12: the includes form a circle: "a.toml" > "a.toml"
      3 | include = ["a.toml"]
        |            ^^^^^^^^
        = try: remove one of them
@@ -83,15 +83,15 @@ fn includes_that_are_refused() {
        |                      ^^^^^^^^^^
        = try: remove one of them
 
-    dir/a.toml:5:6: the name "identity" stands twice, first at dir/b.toml:5
+    dir/a.toml:5:6: the name "identity" appears twice, first at dir/b.toml:5
      5 | id = "identity"
        |      ^^^^^^^^^^
        = try: give one of them a name of its own: name = "..."
 
-    b.toml:1:8: this is no text in quotes, no number, and neither true nor false
+    b.toml:1:8: this is not a text in quotes, a number, true or false
      1 | name = 
        |        ^
-       = try: texts stand in quotes: name = "functional"
+       = try: write texts in quotes: name = "functional"
 
     a.toml:3:12: "include" is a whole number, and must be a list of texts in quotes
      3 | include = [5]
@@ -110,7 +110,7 @@ fn includes_are_bounded() {
     };
     let root = chain("0.toml").unwrap();
     let text = Plan::read("0.toml", root, &mut chain).unwrap_err().to_string();
-    assert!(text.contains("includes lie more than 8 deep in each other"), "{text}");
+    assert!(text.contains("includes are nested more than 8 deep"), "{text}");
     assert!(asked <= 10);
     let names: Vec<String> = (0..1000).map(|index| format!("\"{index}.toml\"")).collect();
     let root = format!("name = \"p\"\nversion = \"1\"\ninclude = [{}]", names.join(", "));

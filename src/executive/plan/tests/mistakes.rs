@@ -62,7 +62,7 @@ gyro_x = "<= 1 deg/s"
        | ^
        = try: write version = "1.0" at the top
 
-    plan.toml:1:8: "Functional Test" is not fit for a folder's name
+    plan.toml:1:8: "Functional Test" cannot be used as the name of a folder
      1 | name = "Functional Test"
        |        ^^^^^^^^^^^^^^^^^
        = try: small letters, digits, - _ and . are allowed, at most 64 of them, a letter or digit first
@@ -115,7 +115,7 @@ gyro_x = "<= 1 deg/s"
         |                                 ^^^^^^^^
         = try: did you mean "march-c"?
 
-    plan.toml:11:43: "solid" stands twice in patterns
+    plan.toml:11:43: "solid" appears twice in patterns
      11 | params = { patterns = ["solid", "marchc", "solid"], pattern = [] }
         |                                           ^^^^^^^
 
@@ -158,7 +158,7 @@ gyro_x = "<= 1 deg/s"
      22 | optional = "yes"
         |            ^^^^^
 
-    plan.toml:23:16: retry_failed without further attempts changes nothing
+    plan.toml:23:16: retry_failed has no effect with one attempt
      23 | retry_failed = true
         |                ^^^^
         = try: write attempts = 2 beside it
@@ -202,7 +202,7 @@ gyro_x = "<= 1 deg/s"
         |           ^^^^^^^^^
         = try: an acceleration is written in ug, mg, g, m/s^2
 
-    plan.toml:31:12: "gyro_*" is for gyro_temperature too, and there 9 deg/s is an angular rate, but this measurement is a temperature
+    plan.toml:31:12: "gyro_*" also limits gyro_temperature: 9 deg/s is an angular rate, but this measurement is a temperature
      31 | "gyro_*" = "<= 9 deg/s"
         |            ^^^^^^^^^^^^
         = try: a temperature is written in degC
@@ -222,12 +222,12 @@ gyro_x = "<= 1 deg/s"
         |                  ^^^^^^
         = try: write == and the text, or == $serial_number for the scanned one
 
-    plan.toml:36:6: "imu" has no limits: nothing would be judged
+    plan.toml:36:6: "imu" has no limits, so the station could not judge it
      36 | id = "imu"
         |      ^^^^^
         = try: write them below a line [item.limits]
 
-    plan.toml:36:6: the name "imu" stands twice, first at plan.toml:20
+    plan.toml:36:6: the name "imu" appears twice, first at plan.toml:20
      36 | id = "imu"
         |      ^^^^^
         = try: give one of them a name of its own: name = "..."
@@ -241,7 +241,7 @@ gyro_x = "<= 1 deg/s"
      41 | params = { start = "warmish", timeout = 60 }
         |                                         ^^
 
-    plan.toml:43:12: nothing stands after ==
+    plan.toml:43:12: there is no text after ==
      43 | fix_type = "=="
         |            ^^^^
         = try: write == and the text, or == $serial_number for the scanned one
@@ -277,12 +277,12 @@ fn syntax_errors_stand_alone() {
         out.push_str("\n\n");
     }
     insta::assert_snapshot!(out, @r#"
-    plan.toml:1:8: this is no text in quotes, no number, and neither true nor false
+    plan.toml:1:8: this is not a text in quotes, a number, true or false
      1 | name = functional
        |        ^^^^^^^^^^
-       = try: texts stand in quotes: name = "functional"
+       = try: write texts in quotes: name = "functional"
 
-    plan.toml:2:1: this key stands twice
+    plan.toml:2:1: this key appears twice
      2 | name = "b"
        | ^^^^
        = try: remove one of them, or begin the next item with [[item]]
@@ -290,32 +290,32 @@ fn syntax_errors_stand_alone() {
     plan.toml:1:8: unclosed array table, expected `]`
      1 | [[item]
        |        ^
-       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+       = try: write texts in quotes; begin a table with [name], a list item with [[name]]
 
     plan.toml:1:17: invalid basic string, expected `"`
      1 | name = "unclosed
        |                 ^
-       = try: a text ends with the quote that it began with, in the same line
+       = try: end the text on the same line, with the quote that it begins with
 
     plan.toml:1:6: unexpected key or value, expected newline, `#`
      1 | a =  [31m
        |      ^
-       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+       = try: write texts in quotes; begin a table with [name], a list item with [[name]]
 
-    plan.toml:1:5: this is no text in quotes, no number, and neither true nor false
+    plan.toml:1:5: this is not a text in quotes, a number, true or false
      1 | a = 1 
        |     ^^
-       = try: texts stand in quotes: name = "functional"
+       = try: write texts in quotes: name = "functional"
 
-    plan.toml:1:85: values lie too deep in each other
+    plan.toml:1:85: values are nested too deeply
      1 | [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[
        |                          ^
-       = try: at most 80 levels are read
+       = try: use at most 80 levels
 
-    plan.toml:1:1: values lie too deep in each other
+    plan.toml:1:1: values are nested too deeply
      1 | a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.
        | ^
-       = try: at most 80 levels are read
+       = try: use at most 80 levels
     "#);
 }
 
@@ -386,7 +386,7 @@ fn what_is_no_plan_at_all() {
     plan.toml:3:3007: unexpected key or value, expected newline, `#`
      3 | 1, 1, 1, 1, 1, 1, 1, 1, ], unexpected = 2
        |                          ^
-       = try: texts stand in quotes, a table begins with [name], a list item with [[name]]
+       = try: write texts in quotes; begin a table with [name], a list item with [[name]]
     "#);
 }
 

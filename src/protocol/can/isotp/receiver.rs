@@ -37,7 +37,7 @@ pub enum Failure {
     },
     /// The frame has too few bytes for its kind, or a forbidden length. The receiver skips it; a message under way goes
     /// on.
-    #[error("a frame that is none of ISO-TP")]
+    #[error("the frame is not an ISO-TP frame")]
     Malformed,
 }
 

@@ -14,7 +14,7 @@ pub enum StartError {
     #[error("another message is on its way")]
     Busy,
     /// ISO-TP has no message without bytes.
-    #[error("a message without bytes")]
+    #[error("the message has no bytes")]
     Empty,
     /// The message is longer than the sender's buffer or than 4095 bytes.
     #[error("a message of {length} bytes is too long")]

@@ -10,12 +10,12 @@ use super::{AXES, thinned};
 /// Means of blocks over the capture.
 pub(super) fn blocks(details: &Value) -> Option<Vec<Panel>> {
     let block_s = BLOCK_S.of(details)?;
-    triads(details, "bias less its mean", "min", |k| (k + 0.5) * block_s / 60.0, true)
+    triads(details, "bias minus its mean", "min", |k| (k + 0.5) * block_s / 60.0, true)
 }
 
 /// Means of the runs.
 pub(super) fn runs(details: &Value) -> Option<Vec<Panel>> {
-    triads(details, "bias of each power-on less their mean", "run", |k| k + 1.0, false)
+    triads(details, "bias of each power-on minus their mean", "run", |k| k + 1.0, false)
 }
 
 /// A panel for the gyroscopes and one for the accelerometers, as lines or as dots.
@@ -51,7 +51,7 @@ pub(super) fn scale_factors(details: &Value) -> Option<Vec<Panel>> {
             let points = own.iter().enumerate().map(|(k, own)| (k as f64 + 1.0, (own / mean - 1.0) * 1e6));
             Series::dots(AXES[axis], points.collect::<Vec<_>>())
         });
-        Some(Panel::new(format!("{name}: scale factor less its mean"), "calibration", "ppm", series.collect()))
+        Some(Panel::new(format!("{name}: scale factor minus its mean"), "calibration", "ppm", series.collect()))
     };
     let panels = [(&GYRO_RESPONSES, "Gyroscopes"), (&ACCEL_RESPONSES, "Accelerometers")];
     Some(panels.into_iter().filter_map(panel).collect())

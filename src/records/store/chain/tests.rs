@@ -50,14 +50,17 @@ fn a_link_is_what_the_document_says() {
 fn a_run_that_was_changed_is_found() {
     let (folder, runs) = records(4);
     fs::write(runs[2].join(DIGESTS), "forged").expect("digests");
-    check(&problems(folder.path()), &["SHA256SUMS is another one than was closed"]);
+    check(&problems(folder.path()), &["SHA256SUMS was changed after the run was closed"]);
 }
 
 #[test]
 fn a_run_that_was_removed_is_found() {
     let (folder, runs) = records(4);
     fs::remove_dir_all(&runs[1]).expect("a run");
-    check(&problems(folder.path()), &["run 2 (2026-11-22/SN-1/120000-functional) was closed and is gone"]);
+    check(
+        &problems(folder.path()),
+        &["run 2 (2026-11-22/SN-1/120000-functional) was closed, and its folder is missing"],
+    );
 }
 
 /// A run is removed with its line as well: the neighbours no longer fit.
@@ -92,7 +95,7 @@ fn a_tail_that_was_cut_off_is_found() {
         let first = fs::read_to_string(&chain).expect("a chain").lines().next().map(|line| format!("{line}\n"));
         fs::write(&chain, first.expect("a line")).expect("a chain");
     }
-    check(&problems(folder.path()), &["4 runs were closed and the chain ends at run 2: the newest are gone"]);
+    check(&problems(folder.path()), &["4 runs were closed, but the chain ends at run 2: the newest runs are missing"]);
     // The next run does not repair it.
     close(folder.path(), 6);
     assert!(!problems(folder.path()).is_empty());

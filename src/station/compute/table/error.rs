@@ -23,7 +23,7 @@ pub(in crate::compute) enum TableError {
     NoColumn { path: PathBuf, line: usize, name: String, header: String },
     #[error("{path}:{line}:1: column `{name}` is ambiguous: it may be {columns}")]
     Unclear { path: PathBuf, line: usize, name: String, columns: String },
-    #[error("{path}:{line}:{column}: column `{name}` is in the header twice")]
+    #[error("{path}:{line}:{column}: column `{name}` appears twice in the header")]
     Doubled { path: PathBuf, line: usize, column: usize, name: String },
     #[error("{path}:{line}:{column}: row has {got} fields, the header has {expected}")]
     Fields { path: PathBuf, line: usize, column: usize, got: usize, expected: usize },

@@ -38,7 +38,7 @@ fn mistakes_have_a_line_and_a_column() {
     check("x,y\n1\n", "r.csv:2:2: row has 1 fields, the header has 2");
     check("#c\nx,z\n1,2\n", "r.csv:2:1: no column `y`; the header has x, z");
     check("1,2\n3,4\n", "r.csv:1:1: no header row with column names");
-    check("x,y,x\n3,4,5\n", "r.csv:1:5: column `x` is in the header twice");
+    check("x,y,x\n3,4,5\n", "r.csv:1:5: column `x` appears twice in the header");
     check("x\ty\n1\t\n", "column `y`: 1 of 1 cells are empty or say so, the first in line 2");
     check("x,y\n1,\"2\n", "r.csv:2:3: a quote is not closed in this line");
     check("x,y\r\n1\r\n", "r.csv:2:2: row has 1 fields, the header has 2");

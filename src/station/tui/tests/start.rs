@@ -33,7 +33,7 @@ fn broke_off() -> Option<Resumable> {
 }
 
 fn unlike() -> Option<Resumable> {
-    let why = "the run to take up again had the serial number DEMO-2, this one has DEMO-1";
+    let why = "the run to resume had the serial number DEMO-2, this run has DEMO-1";
     Some(Resumable::No { why: why.into() })
 }
 
