@@ -162,7 +162,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub(crate) async fn values(&self, values: &[(String, Value)]) -> Result<(), StoreError> {
+    pub(crate) async fn values(&self, values: &[(&'static str, Value)]) -> Result<(), StoreError> {
         for (name, value) in values {
             self.file(name, value).await?;
         }

@@ -319,6 +319,28 @@ pub(super) static AD: ItemSpec = ItemSpec {
 
 const SCATTER: &str = "The solution scatters: check what the antenna sees and its cable, then suspect the receiver.";
 
+/// Root mean square of the horizontal errors about the surveyed antenna.
+pub const POSITION_HORIZONTAL: MeasurementSpec = number("position_horizontal", Unit::Metre, Dimension::Length, PLACE);
+/// Root mean square of the errors of height.
+pub const POSITION_HEIGHT: MeasurementSpec = number("position_height", Unit::Metre, Dimension::Length, PLACE);
+/// Root mean square of the speed over ground.
+pub const VELOCITY_HORIZONTAL: MeasurementSpec =
+    number("velocity_horizontal", Unit::MetrePerSecond, Dimension::Speed, SCATTER);
+/// Root mean square of the vertical speed.
+pub const VELOCITY_HEIGHT: MeasurementSpec = number("velocity_height", Unit::MetrePerSecond, Dimension::Speed, SCATTER);
+/// Standard deviation of the intervals between pulses.
+pub const PPS_JITTER: MeasurementSpec =
+    number("pps_jitter", Unit::Nanosecond, Dimension::Time, "The pulses scatter: check the 1PPS line.");
+/// Error of the pulses against true time.
+pub const PPS_ACCURACY: MeasurementSpec =
+    number("pps_accuracy", Unit::Nanosecond, Dimension::Time, "Needs an external time reference.");
+/// Epochs with a fix.
+pub const EPOCHS: MeasurementSpec =
+    count("epochs", "Epochs are missing: the fix was lost, or the line loses sentences.");
+/// Number of independent epochs that would give the same uncertainty.
+pub const EFFECTIVE_EPOCHS: MeasurementSpec =
+    count("effective_epochs", "So few epochs are independent that the figure is uncertain: collect longer.");
+
 /// One-sigma position and velocity about the surveyed antenna; pulses against the board's timer.
 pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
     title: "GNSS accuracy",
@@ -330,15 +352,15 @@ pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
         quantity("survey_u", "standard uncertainty of the antenna's place, each axis", Unit::Metre, (0.0, 10.0), 0.05),
     ],
     measurements: &[
-        number("position_horizontal", Unit::Metre, Dimension::Length, PLACE),
-        number("position_height", Unit::Metre, Dimension::Length, PLACE),
-        number("velocity_horizontal", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
-        number("velocity_height", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
-        number("pps_jitter", Unit::Nanosecond, Dimension::Time, "The pulses scatter: check the 1PPS line."),
+        POSITION_HORIZONTAL,
+        POSITION_HEIGHT,
+        VELOCITY_HORIZONTAL,
+        VELOCITY_HEIGHT,
+        PPS_JITTER,
         BOARD_CLOCK_ERROR,
-        number("pps_accuracy", Unit::Nanosecond, Dimension::Time, "Needs an external time reference."),
-        count("epochs", "Epochs are missing: the fix was lost, or the line loses sentences."),
-        count("effective_epochs", "So few epochs are independent that the figure is uncertain: collect longer."),
+        PPS_ACCURACY,
+        EPOCHS,
+        EFFECTIVE_EPOCHS,
     ],
     devices: &[Device::Slave],
     resources: &[],

@@ -300,7 +300,7 @@ impl Judge<'_> {
     /// Leaves out findings that the record could not have.
     fn as_recorded(&self, mut findings: Findings) -> Findings {
         if !self.screened {
-            findings.measured.retain(|(name, _)| !figures::INTEGRITY.contains(&name.as_str()));
+            findings.measured.retain(|(name, _)| !figures::INTEGRITY.contains(name));
             if let Some(details) = findings.details.as_object_mut() {
                 details.remove(figures::GATE);
             }
@@ -366,7 +366,7 @@ impl Judge<'_> {
 }
 
 /// Shares of bad samples, and the reason why there are no figures.
-type Refused = (Vec<(String, Value)>, FigureError);
+type Refused = (Vec<(&'static str, Value)>, FigureError);
 
 enum Figures {
     /// Nothing can be worked out: the recorded measurements are judged.
