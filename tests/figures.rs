@@ -53,7 +53,7 @@ fn calibrated() -> Vec<(String, Findings)> {
         "gyro_still": { "bias": [0.0, 0.0, 0.0], "per_force": rows(0.0) },
         "gyro_scale": { "response": rows(rps), "matrix": rows(1.0 / rps) },
     } });
-    vec![("calibration".to_owned(), Findings { measured: Vec::new(), details })]
+    vec![("calibration".to_owned(), Findings { measured: Vec::new(), details: details.into() })]
 }
 
 /// A module at rest with Z up. Its response is perfect here, so that the noise is that of the model.

@@ -38,6 +38,7 @@ mod thin;
 
 use gnc_executive::bench::BenchSite;
 use gnc_executive::catalogue::{ItemId, MeasurementSpec, SAMPLE_RATE};
+use gnc_executive::details::Details;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
@@ -59,7 +60,7 @@ pub struct AnalysisInput<'a> {
     pub site: Option<&'a BenchSite>,
     /// The captures of this attempt, or of the item that its parameters name.
     pub captures: &'a [Capture],
-    /// The findings of the items before, oldest first, each with its name in the plan.
+    /// The findings of the items before, oldest first, each with its name in the plan. Only their details count.
     pub earlier: &'a [(String, Findings)],
 }
 
@@ -69,7 +70,7 @@ pub struct Findings {
     /// Measurements in the order of the catalogue: name, value.
     pub measured: Vec<(&'static str, Value)>,
     /// Everything else for records, reports and later items: equation, parameters, covariance, residuals, budget.
-    pub details: serde_json::Value,
+    pub details: Details,
 }
 
 /// Computes the figures of an item.
@@ -132,7 +133,7 @@ impl AnalysisInput<'_> {
 
 impl Findings {
     fn new(details: serde_json::Value) -> Self {
-        Self { measured: Vec::new(), details }
+        Self { measured: Vec::new(), details: details.into() }
     }
 
     fn put(&mut self, measurement: &MeasurementSpec, value: Value) {
@@ -145,7 +146,7 @@ impl Findings {
 
     /// Adds a figure with the uncertainty of its budget. The details keep the budget.
     fn figure(&mut self, measurement: &MeasurementSpec, number: f64, budget: &Budget, probability: f64) {
-        if let Some(details) = self.details.as_object_mut() {
+        if let Some(details) = self.details.to_mut().as_object_mut() {
             let budgets = details.entry(BUDGET.key()).or_insert_with(|| serde_json::json!({}));
             if let Some(budgets) = budgets.as_object_mut() {
                 budgets.insert(measurement.name.to_owned(), serde_json::json!(budget.written(probability)));
@@ -161,7 +162,7 @@ impl Findings {
 
     /// Adds a detail that only people read.
     fn detail(&mut self, key: &str, value: impl Into<serde_json::Value>) {
-        if let Some(details) = self.details.as_object_mut() {
+        if let Some(details) = self.details.to_mut().as_object_mut() {
             details.insert(key.to_owned(), value.into());
         }
     }

@@ -115,5 +115,5 @@ fn complete(item: ItemId, params: &Params, findings: &Findings) {
     }
     let text = serde_json::to_string(&findings.details).unwrap();
     let back: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(back, findings.details, "{item}");
+    assert_eq!(back, *findings.details, "{item}");
 }

@@ -82,7 +82,7 @@ pub(super) async fn run(
     }
     // The measured cycles stand beside the reason why they are not evidence.
     let ended = ended.and_then(|()| check_meter(&cycles));
-    recorder.found(Findings { measured: Vec::new(), details: details(&cycles) }).await?;
+    recorder.found(Findings { measured: Vec::new(), details: details(&cycles).into() }).await?;
     ended?;
     file(&cycles, recorder).await?;
     match cycles.into_iter().find_map(|cycle| cycle.start.err()) {

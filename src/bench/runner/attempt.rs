@@ -6,6 +6,7 @@ use gnc_board::latest::Follower;
 use gnc_board::{Advance, BoardClient, BoardLease, BoardTime};
 use gnc_executive::catalogue::Resource;
 use gnc_executive::plan::{Phase, PlanItem};
+use gnc_executive::state::Row;
 use gnc_protocol::message::ModulePower;
 use tokio::sync::watch;
 use tokio::time::Instant;
@@ -63,11 +64,7 @@ impl Run<'_> {
         }
         self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
         let (requests, busy) = (lease.requests(), lease.busy());
-        let (measured, findings) = recorder.into_measured();
-        if let Some(findings) = findings {
-            self.findings.borrow_mut().insert(position, findings);
-        }
-        Landed { position, attempt, end, measured, requests, busy }
+        Landed { position, attempt, end, requests, busy }
     }
 
     async fn procedure(
@@ -107,18 +104,14 @@ impl Run<'_> {
         }
     }
 
-    /// Findings of the items that have ended, in the order of the plan.
+    /// Findings of the items that have ended, in the order of the plan: the newest of each item. Later items use their
+    /// details.
     pub(super) fn earlier(&self) -> Vec<(String, Findings)> {
-        let findings = self.findings.borrow();
-        let ended = self.journal.look(|state| {
-            let rows = state.rows();
-            let over = |position: &usize| rows.get(*position).is_some_and(gnc_executive::state::Row::is_over);
-            findings.keys().copied().filter(over).collect::<Vec<usize>>()
-        });
-        let named = ended.into_iter().filter_map(|position| {
-            Some((self.order.job.item(position)?.name.clone(), findings.get(&position)?.clone()))
-        });
-        named.collect()
+        let newest = |row: &Row| {
+            let details = row.attempts.iter().rev().find_map(|attempt| attempt.details.last())?.clone();
+            Some((row.planned.name.clone(), Findings { measured: Vec::new(), details }))
+        };
+        self.journal.look(|state| state.rows().iter().filter(|row| row.is_over()).filter_map(newest).collect())
     }
 }
 

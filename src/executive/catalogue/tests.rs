@@ -106,9 +106,9 @@ fn indices_and_names_of_a_figure_agree() {
         agree(&NONORTHOGONALITY_LEFT.gyro[k], "nonorthogonality_gyro", pair);
         agree(&NONORTHOGONALITY_LEFT.accel[k], "nonorthogonality_accel", pair);
     }
-    for i in 0..3 {
-        for j in 0..3 {
-            agree(&G_SENSITIVITY[i][j], "g_sensitivity", (i, j));
+    for (i, row) in G_SENSITIVITY.iter().enumerate() {
+        for (j, measurement) in row.iter().enumerate() {
+            agree(measurement, "g_sensitivity", (i, j));
         }
     }
 }

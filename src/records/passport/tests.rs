@@ -20,7 +20,10 @@ fn found() -> Vec<(String, Findings)> {
     // 160,000 counts for a g and 20,000 for one deg/s are nominal. The first axis has a tenth of a percent more.
     let accel = |factor: f64| 9.80665 / 160_000.0 / factor;
     let gyro = |factor: f64| 20_000.0 * 180.0 / std::f64::consts::PI * factor;
-    let findings = |details: serde_json::Value, measured: Vec<(&'static str, Value)>| Findings { measured, details };
+    let findings = |details: serde_json::Value, measured: Vec<(&'static str, Value)>| Findings {
+        measured,
+        details: details.into(),
+    };
     let frames = AxesDetails {
         coupling_to_table: [[0.0; 3]; 3],
         coupling_to_seat: [[0.0; 3]; 3],
@@ -160,8 +163,8 @@ fn the_schema_has_the_same_keys() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/passport.schema.json");
     let schema: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let mut all = found();
-    all[0].1.details["budget"] = budget();
-    all[0].1.details["calibration"]["mag"] = json!({ "dx": 0.0, "dy": 0.0, "ky": 1.0, "sin_alpha": 0.0 });
+    all[0].1.details.to_mut()["budget"] = budget();
+    all[0].1.details.to_mut()["calibration"]["mag"] = json!({ "dx": 0.0, "dy": 0.0, "ky": 1.0, "sin_alpha": 0.0 });
     let passport = of("SN-1", None, Origin::default(), &all).unwrap();
     compare(&schema, &serde_json::to_value(&passport).unwrap(), "");
 }
@@ -194,9 +197,9 @@ fn budget() -> serde_json::Value {
 #[test]
 fn the_budget_of_the_calibration_is_in_it() {
     let mut all = found();
-    all[0].1.details["budget"] = budget();
+    all[0].1.details.to_mut()["budget"] = budget();
     // The budget of another item does not belong to the calibration.
-    all[3].1.details["budget"] = budget();
+    all[3].1.details.to_mut()["budget"] = budget();
     let passport = of("SN-1", None, Origin::default(), &all).unwrap();
     let [PassportBudget { item, figure, k, dof, expanded, contributions, .. }] = &passport.uncertainty.budget[..]
     else {
@@ -279,8 +282,9 @@ fn read_back(text: &str, like: &serde_json::Value) -> serde_json::Value {
 #[test]
 fn xml_says_what_json_says() {
     let mut all = found();
-    all[0].1.details["budget"] = budget();
-    all[0].1.details["calibration"]["mag"] = json!({ "dx": 1e-300, "dy": -0.1, "ky": 1.0 / 3.0, "sin_alpha": 0.0 });
+    all[0].1.details.to_mut()["budget"] = budget();
+    all[0].1.details.to_mut()["calibration"]["mag"] =
+        json!({ "dx": 1e-300, "dy": -0.1, "ky": 1.0 / 3.0, "sin_alpha": 0.0 });
     for hostile in
         ["SN-1", "<a href='x'>&amp;\"]]>", "  two  spaces ", "µ模块\u{202e}", "<!--", "\u{1b}[2J\r\n\u{ffff}\0"]
     {

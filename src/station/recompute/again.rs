@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::{self, AnalysisInput, FigureError, Findings};
 use gnc_analysis::motion::{self, MotionStep};
+use gnc_executive::details::Details;
 use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, ProgramVersion};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
@@ -115,7 +116,7 @@ struct Recorded {
     /// Number of items that had ended when the attempt began: it could use their findings.
     over: usize,
     measured: Vec<Measurement>,
-    details: Vec<serde_json::Value>,
+    details: Vec<Details>,
     now: Vec<Measurement>,
     outcome: Option<Outcome>,
 }
@@ -301,7 +302,7 @@ impl Judge<'_> {
     fn as_recorded(&self, mut findings: Findings) -> Findings {
         if !self.screened {
             findings.measured.retain(|(name, _)| !figures::INTEGRITY.contains(name));
-            if let Some(details) = findings.details.as_object_mut() {
+            if let Some(details) = findings.details.to_mut().as_object_mut() {
                 details.remove(figures::GATE);
             }
         }
