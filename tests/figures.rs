@@ -5,6 +5,7 @@
 use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 use gnc_analysis::figures::{AnalysisInput, Findings, analyse};
 use gnc_executive::catalogue::ItemId;
+use gnc_executive::details::Details;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
 use gnc_executive::quantity::Unit;
@@ -53,7 +54,7 @@ fn calibrated() -> Vec<(String, Findings)> {
         "gyro_still": { "bias": [0.0, 0.0, 0.0], "per_force": rows(0.0) },
         "gyro_scale": { "response": rows(rps), "matrix": rows(1.0 / rps) },
     } });
-    vec![("calibration".to_owned(), Findings { measured: Vec::new(), details: details.into() })]
+    vec![("calibration".to_owned(), Details::from(details).into())]
 }
 
 /// A module at rest with Z up. Its response is perfect here, so that the noise is that of the model.

@@ -131,9 +131,16 @@ impl AnalysisInput<'_> {
     }
 }
 
+impl From<Details> for Findings {
+    /// Details without measurements, as later items use them.
+    fn from(details: Details) -> Self {
+        Self { measured: Vec::new(), details }
+    }
+}
+
 impl Findings {
     fn new(details: serde_json::Value) -> Self {
-        Self { measured: Vec::new(), details: details.into() }
+        Details::from(details).into()
     }
 
     fn put(&mut self, measurement: &MeasurementSpec, value: Value) {

@@ -109,7 +109,7 @@ impl Run<'_> {
     pub(super) fn earlier(&self) -> Vec<(String, Findings)> {
         let newest = |row: &Row| {
             let details = row.attempts.iter().rev().find_map(|attempt| attempt.details.last())?.clone();
-            Some((row.planned.name.clone(), Findings { measured: Vec::new(), details }))
+            Some((row.planned.name.clone(), details.into()))
         };
         self.journal.look(|state| state.rows().iter().filter(|row| row.is_over()).filter_map(newest).collect())
     }

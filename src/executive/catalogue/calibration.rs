@@ -23,7 +23,7 @@ pub const FORCE_BIAS: [MeasurementSpec; 3] =
 pub const SCALE_ERROR: [MeasurementSpec; 3] =
     [ppm("scale_error_x", SCALE), ppm("scale_error_y", SCALE), ppm("scale_error_z", SCALE)];
 /// Coupling of an axis (second letter) into a sensor (first letter), relative to the seat; sensors and axes as in
-/// [`COUPLED_PAIRS`].
+/// [`COUPLED_PAIRS`](super::COUPLED_PAIRS).
 pub const COUPLINGS: [MeasurementSpec; 6] = [
     ppm("coupling_xy", COUPLING),
     ppm("coupling_xz", COUPLING),
@@ -32,7 +32,7 @@ pub const COUPLINGS: [MeasurementSpec; 6] = [
     ppm("coupling_zx", COUPLING),
     ppm("coupling_zy", COUPLING),
 ];
-/// Departure of the angle between two sensors from a right angle; the sensors as in [`SENSOR_PAIRS`].
+/// Departure of the angle between two sensors from a right angle; the sensors as in [`SENSOR_PAIRS`](super::SENSOR_PAIRS).
 pub const NONORTHOGONALITY: [MeasurementSpec; 3] =
     [ppm("nonorthogonality_xy", ANGLES), ppm("nonorthogonality_xz", ANGLES), ppm("nonorthogonality_yz", ANGLES)];
 /// Root mean square of what the model leaves of the positions.

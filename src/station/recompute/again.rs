@@ -58,16 +58,8 @@ pub(super) fn judge(run: &RecordedRun, plan: &Plan, of: Option<EarlierRun>) -> R
         incomplete: 0,
     };
     let screened = of.is_some() || run.events.iter().any(measures_integrity);
-    let mut judge = Judge {
-        run,
-        plan,
-        of,
-        again,
-        findings: BTreeMap::new(),
-        attempts: BTreeMap::new(),
-        over: Vec::new(),
-        screened,
-    };
+    let mut judge =
+        Judge { run, plan, of, again, details: BTreeMap::new(), attempts: BTreeMap::new(), over: Vec::new(), screened };
     for event in &run.events {
         judge.take(event)?;
     }
@@ -100,7 +92,8 @@ struct Judge<'a> {
     plan: &'a Plan,
     of: Option<EarlierRun>,
     again: Again,
-    findings: BTreeMap<usize, Findings>,
+    /// The newest details of each item. Later items may use them.
+    details: BTreeMap<usize, Details>,
     /// For each item the attempt that runs or ran last: its number, and what was recorded of it.
     attempts: BTreeMap<usize, Recorded>,
     /// Positions of the items that have ended.
@@ -190,8 +183,7 @@ impl Judge<'_> {
                 }
                 self.recorded(position).measured = measured;
                 for details in self.recorded(position).details.clone() {
-                    // Later items may use these details.
-                    self.findings.insert(position, Findings { measured: Vec::new(), details: details.clone() });
+                    self.details.insert(position, details.clone());
                     self.emit(event, EventKind::Found { item: item.name.clone(), attempt, details });
                 }
             }
@@ -204,10 +196,10 @@ impl Judge<'_> {
                             for (name, value) in &findings.measured {
                                 self.measured(event, item, position, attempt, name, value, repeat);
                             }
-                            details.push(findings.details.clone());
-                            let (item, found) = (item.name.clone(), findings.details.clone());
-                            self.emit(event, EventKind::Found { item, attempt, details: found });
-                            self.findings.insert(position, findings);
+                            let found = findings.details;
+                            self.details.insert(position, found.clone());
+                            details.push(found.clone());
+                            self.emit(event, EventKind::Found { item: item.name.clone(), attempt, details: found });
                         }
                         Err((integrity, refused)) => {
                             let told = if self.screened { integrity } else { Vec::new() };
@@ -336,8 +328,8 @@ impl Judge<'_> {
     fn earlier(&self, of: usize) -> Vec<(String, Findings)> {
         let over = self.attempts.get(&of).map_or(0, |recorded| recorded.over);
         let over = self.over.get(..over).unwrap_or_default();
-        let ended = self.findings.iter().filter(|(position, _)| over.contains(position));
-        ended.map(|(position, found)| (self.plan.items()[*position].name.clone(), found.clone())).collect()
+        let ended = self.details.iter().filter(|(position, _)| over.contains(position));
+        ended.map(|(position, found)| (self.plan.items()[*position].name.clone(), found.clone().into())).collect()
     }
 
     fn position(&self, item: &str) -> Result<usize, RunError> {

@@ -147,7 +147,7 @@ fn the_sample_clock_is_taken_out_where_pulses_tell_it() {
     assert_eq!((&row(&unknown)["name"], &row(&unknown)["u"]), (&"sample clock, not measured".into(), &29.0.into()));
     assert!(matches!(value_of(&unknown, "sample_rate_error"), Some(Value::NotAvailable(_))));
 
-    let earlier = [("gnss".to_owned(), Findings { details: clock.details(), ..Findings::default() })];
+    let earlier = [("gnss".to_owned(), clock.details().into())];
     let measured = ask(ItemId::Rotation, text, &turns, &earlier).unwrap();
     let (value, _, known) = figure(&measured, "scale_error_x");
     assert!((value - truth).abs() < 5.0, "{value} for {truth}");
