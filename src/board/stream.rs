@@ -26,8 +26,8 @@ pub(super) const WAITING: usize = 1024;
 /// few times over: over CAN in pieces of six bytes, with a round trip for each message.
 pub(super) const AHEAD: usize = 16_384;
 
-/// A frame of a stream. Its samples are copied once out of the line's buffer, and nobody decodes them before their
-/// reader.
+/// A frame of a stream. The session copies the samples once out of the frame and leaves their decoding to the reader of
+/// the stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampleFrame {
     /// The head.
