@@ -5,6 +5,7 @@
 use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 use gnc_analysis::figures::{AnalysisInput, Findings, analyse};
 use gnc_executive::catalogue::ItemId;
+use gnc_executive::details::Details;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{Params, Plan};
 use gnc_executive::quantity::Unit;
@@ -53,7 +54,7 @@ fn calibrated() -> Vec<(String, Findings)> {
         "gyro_still": { "bias": [0.0, 0.0, 0.0], "per_force": rows(0.0) },
         "gyro_scale": { "response": rows(rps), "matrix": rows(1.0 / rps) },
     } });
-    vec![("calibration".to_owned(), Findings { measured: Vec::new(), details })]
+    vec![("calibration".to_owned(), Details::from(details).into())]
 }
 
 /// A module at rest with Z up. Its response is perfect here, so that the noise is that of the model.
@@ -250,7 +251,8 @@ fn sixty_figures_are_those_of_the_true_noise() {
                 for (axis, (stability, repeatability)) in ["x", "y", "z"].into_iter().zip(axes) {
                     let (low, high) = if what == "stability" { stability } else { repeatability };
                     let name = format!("bias_{what}_{sensor}_{axis}");
-                    let Some(Value::Estimate(value, _)) = found.value(&name) else { panic!("no {name}") };
+                    let value = found.measured.iter().find(|(measured, _)| *measured == name).map(|(_, value)| value);
+                    let Some(Value::Estimate(value, _)) = value else { panic!("no {name}") };
                     let value = value.in_unit(unit).unwrap();
                     figures += 1;
                     if !(low..=high).contains(&value) {

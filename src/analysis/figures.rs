@@ -37,7 +37,8 @@ mod still_fit;
 mod thin;
 
 use gnc_executive::bench::BenchSite;
-use gnc_executive::catalogue::{ItemId, SAMPLE_RATE};
+use gnc_executive::catalogue::{ItemId, MeasurementSpec, SAMPLE_RATE};
+use gnc_executive::details::Details;
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
@@ -59,7 +60,7 @@ pub struct AnalysisInput<'a> {
     pub site: Option<&'a BenchSite>,
     /// The captures of this attempt, or of the item that its parameters name.
     pub captures: &'a [Capture],
-    /// The findings of the items before, oldest first, each with its name in the plan.
+    /// The findings of the items before, oldest first, each with its name in the plan. Only their details count.
     pub earlier: &'a [(String, Findings)],
 }
 
@@ -67,9 +68,9 @@ pub struct AnalysisInput<'a> {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Findings {
     /// Measurements in the order of the catalogue: name, value.
-    pub measured: Vec<(String, Value)>,
+    pub measured: Vec<(&'static str, Value)>,
     /// Everything else for records, reports and later items: equation, parameters, covariance, residuals, budget.
-    pub details: serde_json::Value,
+    pub details: Details,
 }
 
 /// Computes the figures of an item.
@@ -90,7 +91,7 @@ pub fn analyse(item: ItemId, question: &AnalysisInput<'_>) -> Result<Findings, F
         // Items without their own probability state a standard one.
         let probability = question.probability().unwrap_or(0.95);
         let views = question.captures.iter().map(|capture| &capture.timing.host);
-        findings.put(SAMPLE_RATE.name, clock::sample_rate_error(question.earlier, views, probability));
+        findings.put(&SAMPLE_RATE, clock::sample_rate_error(question.earlier, views, probability));
     }
     integrity.file(&mut findings);
     Ok(findings)
@@ -130,29 +131,35 @@ impl AnalysisInput<'_> {
     }
 }
 
-impl Findings {
-    fn new(details: serde_json::Value) -> Self {
+impl From<Details> for Findings {
+    /// Details without measurements, as later items use them.
+    fn from(details: Details) -> Self {
         Self { measured: Vec::new(), details }
     }
+}
 
-    fn put(&mut self, name: impl Into<String>, value: Value) {
-        self.measured.push((name.into(), value));
+impl Findings {
+    fn new(details: serde_json::Value) -> Self {
+        Details::from(details).into()
     }
 
-    fn number(&mut self, name: impl Into<String>, number: f64, unit: Unit) {
-        self.put(name, Value::number(number, unit));
+    fn put(&mut self, measurement: &MeasurementSpec, value: Value) {
+        self.measured.push((measurement.name, value));
+    }
+
+    fn number(&mut self, measurement: &MeasurementSpec, number: f64, unit: Unit) {
+        self.put(measurement, Value::number(number, unit));
     }
 
     /// Adds a figure with the uncertainty of its budget. The details keep the budget.
-    fn figure(&mut self, name: impl Into<String>, number: f64, budget: &Budget, probability: f64) {
-        let name = name.into();
-        if let Some(details) = self.details.as_object_mut() {
+    fn figure(&mut self, measurement: &MeasurementSpec, number: f64, budget: &Budget, probability: f64) {
+        if let Some(details) = self.details.to_mut().as_object_mut() {
             let budgets = details.entry(BUDGET.key()).or_insert_with(|| serde_json::json!({}));
             if let Some(budgets) = budgets.as_object_mut() {
-                budgets.insert(name.clone(), serde_json::json!(budget.written(probability)));
+                budgets.insert(measurement.name.to_owned(), serde_json::json!(budget.written(probability)));
             }
         }
-        self.put(name, Value::estimate(number, budget.unit(), budget.uncertainty(number, probability)));
+        self.put(measurement, Value::estimate(number, budget.unit(), budget.uncertainty(number, probability)));
     }
 
     /// Adds a part of the details that other code reads.
@@ -162,15 +169,15 @@ impl Findings {
 
     /// Adds a detail that only people read.
     fn detail(&mut self, key: &str, value: impl Into<serde_json::Value>) {
-        if let Some(details) = self.details.as_object_mut() {
+        if let Some(details) = self.details.to_mut().as_object_mut() {
             details.insert(key.to_owned(), value.into());
         }
     }
 
-    /// Returns the value of a measurement by its name.
+    /// Returns the value of a measurement.
     #[must_use]
-    pub fn value(&self, name: &str) -> Option<&Value> {
-        self.measured.iter().find(|(measured, _)| measured == name).map(|(_, value)| value)
+    pub fn value(&self, measurement: &MeasurementSpec) -> Option<&Value> {
+        self.measured.iter().find(|(name, _)| *name == measurement.name).map(|(_, value)| value)
     }
 }
 

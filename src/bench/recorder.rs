@@ -6,7 +6,7 @@ use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::Findings;
 use gnc_executive::catalogue::MeasurementSpec;
 use gnc_executive::event::{EventKind, NoteLevel, Power};
-use gnc_executive::measurement::{Measurement, Value};
+use gnc_executive::measurement::Value;
 use gnc_executive::plan::PlanItem;
 use gnc_executive::quantity::Unit;
 use gnc_records::store::captures::CapturesError;
@@ -44,14 +44,11 @@ pub(crate) struct Recorder<'a> {
     attempt: u32,
     repeat: RefCell<u32>,
     serial_number: &'a str,
-    measured: RefCell<Vec<Measurement>>,
-    findings: RefCell<Option<Findings>>,
 }
 
 impl<'a> Recorder<'a> {
     pub(crate) fn new(journal: &'a RunJournal, item: &'a PlanItem, attempt: u32, serial_number: &'a str) -> Self {
-        let (measured, findings) = (RefCell::new(Vec::new()), RefCell::new(None));
-        Self { journal, item, attempt, repeat: RefCell::new(1), serial_number, measured, findings }
+        Self { journal, item, attempt, repeat: RefCell::new(1), serial_number }
     }
 
     /// Name of the item.
@@ -62,11 +59,6 @@ impl<'a> Recorder<'a> {
 
     pub(crate) fn begin_repeat(&self, repeat: u32) {
         *self.repeat.borrow_mut() = repeat;
-    }
-
-    /// The measurements, and what the last round's analysis found.
-    pub(crate) fn into_measured(self) -> (Vec<Measurement>, Option<Findings>) {
-        (self.measured.into_inner(), self.findings.into_inner())
     }
 
     /// Files a number in a unit.
@@ -162,7 +154,7 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// The record could not be written.
-    pub(crate) async fn values(&self, values: &[(String, Value)]) -> Result<(), StoreError> {
+    pub(crate) async fn values(&self, values: &[(&'static str, Value)]) -> Result<(), StoreError> {
         for (name, value) in values {
             self.file(name, value).await?;
         }
@@ -175,8 +167,7 @@ impl<'a> Recorder<'a> {
     /// The record could not be written.
     pub(crate) async fn found(&self, findings: Findings) -> Result<(), StoreError> {
         self.values(&findings.measured).await?;
-        let (item, attempt, details) = (self.item.name.clone(), self.attempt, findings.details.clone());
-        *self.findings.borrow_mut() = Some(findings);
+        let (item, attempt, details) = (self.item.name.clone(), self.attempt, findings.details);
         self.journal.emit(EventKind::Found { item, attempt, details }).await
     }
 
@@ -201,7 +192,6 @@ impl<'a> Recorder<'a> {
     async fn file(&self, name: &str, value: &Value) -> Result<(), StoreError> {
         let repeat = *self.repeat.borrow();
         let measurement = self.item.judge(name, value, repeat, self.serial_number);
-        self.measured.borrow_mut().push(measurement.clone());
         let (item, attempt) = (self.item.name.clone(), self.attempt);
         self.journal.emit(EventKind::Measured { item, attempt, measurement }).await
     }

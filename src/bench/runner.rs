@@ -11,19 +11,18 @@ mod recovery;
 mod verdict;
 
 use std::cell::{Cell, RefCell};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use futures_util::stream::{FuturesUnordered, StreamExt as _};
-use gnc_analysis::figures::Findings;
 use gnc_board::{Advance, BoardClient, BoardLease, Readings};
 use gnc_executive::bench::BenchSite;
 use gnc_executive::event::{AttemptError, EventKind, NoteLevel, RunHeader, StopHow};
 use gnc_executive::job::{Job, Next};
-use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::plan::PlanItem;
 use gnc_executive::state::RunState;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
@@ -123,7 +122,6 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
         one_by_one: Cell::new(order.one_by_one),
         unexplained_restart: Cell::new(false),
         busy: RefCell::new(HashMap::new()),
-        findings: RefCell::new(BTreeMap::new()),
         paused_since: Cell::new(None),
         module: ModuleSeen::default(),
     };
@@ -156,8 +154,6 @@ struct Run<'a> {
     unexplained_restart: Cell<bool>,
     /// Board time of each item by its position, for the critical path.
     busy: RefCell<HashMap<usize, Duration>>,
-    /// Findings of the last attempt of each item, by its position.
-    findings: RefCell<BTreeMap<usize, Findings>>,
     /// Time since which a pause keeps all items from running.
     paused_since: Cell<Option<Instant>>,
     module: ModuleSeen,
@@ -176,7 +172,6 @@ struct Landed {
     position: usize,
     attempt: u32,
     end: End,
-    measured: Vec<Measurement>,
     requests: Vec<u16>,
     busy: Duration,
 }
@@ -366,10 +361,24 @@ impl Run<'_> {
             End::Done(ref done) => {
                 self.file_error_records(board, &landed).await?;
                 let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
-                let (outcome, error) = judge(item, &landed.measured, done.as_ref().err());
+                let (outcome, error) = self.judged(&landed, item, done.as_ref().err());
                 self.end_attempt(&landed, outcome, error).await
             }
         }
+    }
+
+    /// Judges an attempt that has ended by what the journal has of it.
+    fn judged(
+        &self,
+        landed: &Landed,
+        item: &PlanItem,
+        trouble: Option<&ProcedureError>,
+    ) -> (Outcome, Option<AttemptError>) {
+        self.journal.look(|state| {
+            let attempt = state.rows().get(landed.position).and_then(|row| row.attempts.last());
+            let measured = attempt.map_or(&[][..], |attempt| attempt.measurements.as_slice());
+            judge(item, measured, trouble)
+        })
     }
 
     async fn end_attempt(

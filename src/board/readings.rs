@@ -6,10 +6,12 @@ use gnc_metrology::ellipse::Correction;
 use gnc_nmea::{Epoch, Sentences};
 use gnc_protocol::calibration::{CalibrationRead, CalibrationReadReply, CalibrationState, CompensatedSample};
 use gnc_protocol::message::{AdRead, AdReadReply, Call as _};
-use gnc_protocol::stream::{COMPENSATED_SAMPLE, IMU_SAMPLE, ImuSample, PpsCapture, StreamFrame, StreamId};
+use gnc_protocol::stream::{COMPENSATED_SAMPLE, IMU_SAMPLE, ImuSample, PpsCapture, StreamId};
 use gnc_protocol::wire::{FieldReader, Wire};
 use tokio::sync::watch;
 use tokio::time::Instant;
+
+use crate::stream::SampleFrame;
 
 /// How often readings are handed on. A screen draws 30 times a second.
 const EVERY: Duration = Duration::from_millis(20);
@@ -74,7 +76,7 @@ impl Gauges {
     }
 
     /// A frame of a stream came.
-    pub(super) fn streamed(&mut self, id: StreamId, frame: &StreamFrame) {
+    pub(super) fn streamed(&mut self, id: StreamId, frame: &SampleFrame) {
         if self.out.receiver_count() == 0 {
             return;
         }
@@ -147,7 +149,7 @@ impl Gauges {
         }
     }
 
-    fn count(&mut self, id: StreamId, frame: &StreamFrame) {
+    fn count(&mut self, id: StreamId, frame: &SampleFrame) {
         let head = &frame.head;
         let now = Instant::now();
         let index = match self.now.streams.iter().position(|stream| stream.id == id) {
@@ -188,7 +190,7 @@ impl Gauges {
 }
 
 /// The last sample of a frame.
-fn last_of<S: Wire>(frame: &StreamFrame, sample_bytes: usize) -> Option<S> {
+fn last_of<S: Wire>(frame: &SampleFrame, sample_bytes: usize) -> Option<S> {
     let last = frame.samples.len().checked_sub(sample_bytes).and_then(|at| frame.samples.get(at..))?;
     S::get(&mut FieldReader::new(last)).ok()
 }
@@ -200,15 +202,11 @@ mod tests {
 
     use super::*;
 
-    fn frame(first: u32, samples: &[ImuSample], dropped: u32) -> StreamFrame {
-        let mut bytes = gnc_protocol::wire::List::new();
-        for sample in samples {
-            let payload = sample.to_payload().unwrap_or_default();
-            let _ = bytes.extend_from_slice(&payload);
-        }
+    fn frame(first: u32, samples: &[ImuSample], dropped: u32) -> SampleFrame {
+        let bytes = samples.iter().flat_map(|sample| sample.to_payload().unwrap_or_default()).collect();
         let head =
             StreamHead { first, count: samples.len() as u16, dropped, board_time_us: 7, ..StreamHead::default() };
-        StreamFrame { head, samples: bytes }
+        SampleFrame { head, samples: bytes }
     }
 
     #[test]

@@ -13,7 +13,7 @@ use gnc_link::{Link, NoFrame};
 use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe, event};
 use gnc_protocol::serial::LineCounters;
 use gnc_protocol::slave::{KEPT_RESULTS, MAX_RUNNING};
-use gnc_protocol::stream::{StreamFrame, StreamId};
+use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::Wire as _;
 use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload, timing};
 use tokio::sync::{mpsc, oneshot, watch};
@@ -22,7 +22,7 @@ use tokio::time::{Instant, sleep_until};
 use super::{Advance, BoardError, BoardTime, LinkAbsence, Readings};
 use crate::latest::Latest;
 use crate::readings::Gauges;
-use crate::stream::{AHEAD, Newest};
+use crate::stream::{AHEAD, Newest, SampleFrame};
 
 /// Slack added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways, and a busy computer.
 const HOST_SLACK: Duration = Duration::from_millis(50);
@@ -49,7 +49,7 @@ const AFTER_A_STALL: Duration = Duration::from_millis(250);
 const ENDED_SINCE: u32 = (KEPT_RESULTS - MAX_RUNNING) as u32;
 
 type AnswerSender = oneshot::Sender<Result<Answer, BoardError>>;
-type StreamSender = mpsc::Sender<Result<Box<StreamFrame>, BoardError>>;
+type StreamSender = mpsc::Sender<Result<SampleFrame, BoardError>>;
 
 /// A command to the conversation.
 #[derive(Debug)]
@@ -158,7 +158,7 @@ pub(super) struct Session {
     streams: Vec<(StreamId, StreamSender)>,
     newest: Newest,
     /// Frames for a listener that is behind. The line is not read meanwhile.
-    held: VecDeque<(StreamId, Box<StreamFrame>)>,
+    held: VecDeque<(StreamId, SampleFrame)>,
     sequence: u16,
     keep_alive_due: Instant,
     heard: Instant,

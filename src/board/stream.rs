@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use gnc_protocol::message::StreamStopReply;
-use gnc_protocol::stream::{Losses, StreamFrame, StreamHead, StreamId};
+use gnc_protocol::stream::{Losses, StreamHead, StreamId};
+use gnc_protocol::wire::{FieldReader, Wire as _, WireError};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
@@ -25,11 +26,32 @@ pub(super) const WAITING: usize = 1024;
 /// few times over: over CAN in pieces of six bytes, with a round trip for each message.
 pub(super) const AHEAD: usize = 16_384;
 
+/// A frame of a stream. The session copies the samples once out of the frame and leaves their decoding to the reader of
+/// the stream.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SampleFrame {
+    /// The head.
+    pub head: StreamHead,
+    /// The samples as bytes.
+    pub samples: Box<[u8]>,
+}
+
+impl SampleFrame {
+    /// Reads the payload of a STREAM frame.
+    ///
+    /// # Errors
+    /// The payload is shorter than a head.
+    pub(super) fn of(payload: &[u8]) -> Result<Self, WireError> {
+        let mut reader = FieldReader::new(payload);
+        Ok(Self { head: StreamHead::get(&mut reader)?, samples: reader.take_rest().into() })
+    }
+}
+
 /// The frames of one stream, in the order in which they came.
 #[derive(Debug)]
 pub struct Stream {
     id: StreamId,
-    frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
+    frames: mpsc::Receiver<Result<SampleFrame, BoardError>>,
     board_time: Follower<BoardTime>,
     seen_us: u64,
     /// Board time of the last heartbeat, and when that value came first.
@@ -76,7 +98,7 @@ impl Newest {
 impl Stream {
     pub(super) fn new(
         id: StreamId,
-        frames: mpsc::Receiver<Result<Box<StreamFrame>, BoardError>>,
+        frames: mpsc::Receiver<Result<SampleFrame, BoardError>>,
         board_time: Follower<BoardTime>,
     ) -> Self {
         Self { id, frames, board_time, seen_us: 0, beat_us: None, losses: Losses::default() }
@@ -105,7 +127,7 @@ impl Stream {
     ///
     /// # Errors
     /// The reason for which the conversation ended, if it did.
-    pub async fn next(&mut self) -> Result<Option<Box<StreamFrame>>, BoardError> {
+    pub async fn next(&mut self) -> Result<Option<SampleFrame>, BoardError> {
         if self.seen_us == 0 {
             self.seen_us = self.board_time.now().board_time_us;
         }
@@ -114,7 +136,7 @@ impl Stream {
                 biased;
                 frame = self.frames.recv() => {
                     let frame = frame.unwrap_or_else(|| Err(gone()))?;
-                    self.account(&frame);
+                    self.account(&frame.head);
                     return Ok(Some(frame));
                 }
                 beat = self.board_time.changed() => {
@@ -152,14 +174,14 @@ impl Stream {
                 // These frames left the board before the answer, so they come before it.
                 biased;
                 frame = self.frames.recv() => match frame {
-                    Some(frame) => self.account(&*frame?),
+                    Some(frame) => self.account(&frame?.head),
                     None => break stopped.await?,
                 },
                 board = &mut stopped => break board?,
             }
         };
         while let Ok(frame) = self.frames.try_recv() {
-            self.account(&*frame?);
+            self.account(&frame?.head);
         }
         self.losses.on_board = board.dropped;
         let Losses { received, on_board, .. } = self.losses;
@@ -167,8 +189,7 @@ impl Stream {
         Ok(Closed { produced: board.produced, losses: self.losses })
     }
 
-    fn account(&mut self, frame: &StreamFrame) {
-        let head = &frame.head;
+    fn account(&mut self, head: &StreamHead) {
         let expected = self.losses.received.saturating_add(self.losses.on_board).saturating_add(self.losses.on_line);
         let missing = head.first.saturating_sub(expected);
         let on_board = head.dropped.saturating_sub(self.losses.on_board).min(missing);
@@ -184,9 +205,8 @@ mod tests {
     use super::*;
     use crate::latest::Latest;
 
-    fn frame(first: u32, count: u16, dropped: u32) -> StreamFrame {
-        let head = StreamHead { first, count, dropped, ..StreamHead::default() };
-        StreamFrame { head, samples: gnc_protocol::wire::List::new() }
+    fn head(first: u32, count: u16, dropped: u32) -> StreamHead {
+        StreamHead { first, count, dropped, ..StreamHead::default() }
     }
 
     /// 0-9 come, 10-14 are dropped on the board, 15-24 come, 25-34 are lost on the line, 35-44 come.
@@ -195,7 +215,7 @@ mod tests {
         let (_sender, frames) = mpsc::channel(1);
         let beat = Latest::new(BoardTime::default());
         let mut stream = Stream::new(StreamId::Imu, frames, beat.follower());
-        for part in [frame(0, 10, 0), frame(15, 10, 5), frame(35, 10, 5)] {
+        for part in [head(0, 10, 0), head(15, 10, 5), head(35, 10, 5)] {
             stream.account(&part);
         }
         assert_eq!(stream.losses(), Losses { received: 30, on_board: 5, on_line: 10 });
@@ -236,7 +256,7 @@ mod tests {
         let (sender, frames) = mpsc::channel(1);
         let beat = Latest::new(BoardTime::default());
         let stream = Stream::new(StreamId::Imu, frames, beat.follower());
-        sender.try_send(Ok(Box::new(frame(0, 10, 0)))).ok();
+        sender.try_send(Ok(SampleFrame { head: head(0, 10, 0), samples: Box::default() })).ok();
         let closed = stream.close(async { Ok(StreamStopReply { produced: 20, dropped: 0 }) }).await;
         let losses = Losses { received: 10, on_board: 0, on_line: 10 };
         assert_eq!(closed, Ok(Closed { produced: 20, losses }));

@@ -7,15 +7,15 @@
 //! plan calls the item optional; such an item is skipped with that cause.
 
 pub mod calibration;
-mod magnetometer;
+pub mod magnetometer;
 pub mod memory;
-mod noise;
+pub mod noise;
 mod page;
-mod performance;
+pub mod performance;
 pub mod ports;
 pub mod power;
 pub mod processor;
-mod repeated;
+pub mod repeated;
 pub mod sensors;
 mod shared;
 
@@ -26,7 +26,10 @@ use serde::{Deserialize, Serialize};
 use crate::limit::MeasurementKind;
 use crate::quantity::{Dimension, Unit};
 pub use page::page;
-pub use shared::{FAILED_READS, SAMPLE_RATE, SPIKES, STALE_SAMPLES};
+pub use shared::{
+    COUPLED_PAIRS, FAILED_READS, PerTriad, SAMPLE_RATE, SENSOR_PAIRS, SPIKES, STALE_SAMPLES, TEMPERATURE,
+    TEMPERATURE_DRIFT,
+};
 
 /// Makes the items out of one table. A row is an item: its description (the doc comment, which people read), its id in
 /// plans and records, and its specification.

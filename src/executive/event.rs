@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bench::BenchSite;
 use crate::catalogue::ItemId;
+use crate::details::Details;
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
 use crate::plan::Phase;
@@ -89,7 +90,7 @@ pub enum EventKind {
         /// Attempt, from 1.
         attempt: u32,
         /// The details as the analysis gives them; once for each round within the attempt.
-        details: serde_json::Value,
+        details: Details,
     },
     /// The slave board made an error record for fault analysis.
     ErrorRecord {

@@ -11,6 +11,7 @@
 
 pub mod bench;
 pub mod catalogue;
+pub mod details;
 pub mod event;
 pub mod job;
 pub mod journal;

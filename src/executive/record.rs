@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bench::BenchSite;
 use crate::catalogue::ItemId;
+use crate::details::Details;
 use crate::event::{
     AttemptError, BenchInfo, BenchKind, BoardInfo, EarlierRun, ErrorRecord, Loop, NoteLevel, PlanInfo, PlannedItem,
     ProgramVersion, StopHow,
@@ -121,7 +122,7 @@ pub struct AttemptRecord {
     pub measurements: Vec<Measurement>,
     /// Results of an analysis beside the measurements, once for each round. Their form depends on the item.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub details: Vec<serde_json::Value>,
+    pub details: Vec<Details>,
     /// Why the station could not tell.
     pub error: Option<AttemptError>,
     /// The slave board's records for fault analysis.

@@ -2,6 +2,7 @@
 
 use chrono::{DateTime, FixedOffset};
 
+use crate::details::Details;
 use crate::event::{
     AttemptError, BoardInfo, ErrorRecord, Event, EventKind, NoteLevel, PlannedItem, Power, RunHeader, StopHow,
 };
@@ -94,7 +95,7 @@ pub struct Attempt {
     /// Measurements, in the order of measuring.
     pub measurements: Vec<Measurement>,
     /// Results of an analysis beside the measurements, once for each round.
-    pub details: Vec<serde_json::Value>,
+    pub details: Vec<Details>,
     /// The slave board's records.
     pub error_records: Vec<ErrorRecord>,
     /// Why there is no verdict.

@@ -174,7 +174,7 @@ pub(crate) fn small_run(header: RunHeader) -> TestRun {
     for measurement in measurements.clone() {
         run.emit(EventKind::Measured { item: name.clone(), attempt: 1, measurement });
     }
-    let details = serde_json::json!({ "equation": "f = Ka N + nabla", "residual_mps2": [0.1, -1.0 / 3.0] });
+    let details = serde_json::json!({ "equation": "f = Ka N + nabla", "residual_mps2": [0.1, -1.0 / 3.0] }).into();
     run.emit(EventKind::Found { item: name.clone(), attempt: 1, details });
     let outcome = item(1).attempt_outcome(&measurements);
     assert_eq!(outcome, Outcome::Failed);

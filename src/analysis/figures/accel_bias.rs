@@ -5,6 +5,8 @@
 //! gravity through the coupling does so too. A turn about the axis itself would keep its direction, and 1 mg for each
 //! mrad of level would stay.
 
+use gnc_executive::catalogue::TEMPERATURE;
+use gnc_executive::catalogue::performance::FORCE_BIAS_LEFT;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::earth;
 use nalgebra::Vector3;
@@ -52,11 +54,11 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
             .b("attitudes, as far as they differ", pose_rad, "rad", gravity.mps2 * MG / 2.0_f64.sqrt());
         let labels = [one.0, other.0].map(|capture| capture.about.label.clone());
         pairs.insert((*name).into(), json!({ "captures": labels, "means_mps2": means }));
-        findings.figure(format!("bias_{name}"), f64::midpoint(means[0], means[1]) * MG, &budget, probability);
+        findings.figure(&FORCE_BIAS_LEFT[axis], f64::midpoint(means[0], means[1]) * MG, &budget, probability);
     }
     findings.detail("pairs", pairs);
     let captures = lying.iter().map(|(capture, ..)| *capture);
-    findings.number("temperature", captures::temperature(captures, Triad::Accel).0, Unit::DegreeCelsius);
+    findings.number(&TEMPERATURE, captures::temperature(captures, Triad::Accel).0, Unit::DegreeCelsius);
     Ok(findings)
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use gnc_executive::catalogue::noise::{BIAS_INSTABILITY, BIAS_INSTABILITY_BOUND, RANDOM_WALK};
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -100,27 +101,27 @@ fn absent(what: &str, why: MissingCoefficient) -> Value {
 
 /// Adds N: deg/h sqrt(s) in deg/sqrt(h), mg sqrt(s) in m/s/sqrt(h).
 fn walks(findings: &mut Findings, triad: Triad, found: &[allan::Analysis]) {
-    let (name, unit, factor) = match triad {
-        Triad::Gyro => ("angle_random_walk", Unit::DegreePerRootHour, 1.0 / 60.0),
-        _ => ("velocity_random_walk", Unit::MetrePerSecondPerRootHour, 60.0 * earth::STANDARD_GRAVITY_MPS2 / 1e3),
+    let (unit, factor) = match triad {
+        Triad::Gyro => (Unit::DegreePerRootHour, 1.0 / 60.0),
+        _ => (Unit::MetrePerSecondPerRootHour, 60.0 * earth::STANDARD_GRAVITY_MPS2 / 1e3),
     };
-    for (axis, analysis) in AXES.iter().zip(found) {
+    for (walk, analysis) in triad.of(&RANDOM_WALK).iter().zip(found) {
         let value =
             analysis.coefficients.n.map_or_else(|why| absent("slope of -1/2", why), |n| estimate(n, factor, unit));
-        findings.put(format!("{name}_{axis}"), value);
+        findings.put(walk, value);
     }
 }
 
 fn floors(findings: &mut Findings, triad: Triad, found: &[allan::Analysis]) {
-    let (name, unit) = (triad.name(), unit(triad));
-    for (axis, analysis) in AXES.iter().zip(found) {
+    let unit = unit(triad);
+    for (floor, analysis) in triad.of(&BIAS_INSTABILITY).iter().zip(found) {
         let value = analysis.coefficients.b.map_or_else(|why| absent("flat part", why), |b| estimate(b, 1.0, unit));
-        findings.put(format!("bias_instability_{name}_{axis}"), value);
+        findings.put(floor, value);
     }
-    for (axis, analysis) in AXES.iter().zip(found) {
+    for (upper, analysis) in triad.of(&BIAS_INSTABILITY_BOUND).iter().zip(found) {
         let bound = analysis.coefficients.b_upper_bound;
         let too_short = || Value::NotAvailable("the record is too short for a bound".into());
         let value = bound.map_or_else(too_short, |bound| Value::number(bound, unit));
-        findings.put(format!("bias_instability_bound_{name}_{axis}"), value);
+        findings.put(upper, value);
     }
 }

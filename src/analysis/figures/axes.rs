@@ -5,13 +5,14 @@
 //! the sensors' own axes do not depend on the frame.
 
 use gnc_executive::bench::BenchImperfections;
+use gnc_executive::catalogue::calibration::{COUPLINGS, NONORTHOGONALITY};
+use gnc_executive::catalogue::{COUPLED_PAIRS, SENSOR_PAIRS};
 use gnc_executive::quantity::Unit;
 use gnc_metrology::triad::{coupling, nonorthogonality_rad};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::Findings;
 use super::budget::Budget;
-use super::captures::AXES;
 use super::json::rows;
 use crate::details::{self, FRAMES};
 
@@ -34,17 +35,18 @@ impl TriadFrames<'_> {
     /// names the frames. `budget` is that of `M_ij / M_ii` relative to the table.
     pub(super) fn report(&self, findings: &mut Findings, budget: impl Fn(usize, usize) -> Budget, probability: f64) {
         let seated = coupling(&self.in_seat());
-        for i in 0..3 {
-            for j in (0..3).filter(|j| *j != i) {
-                let of_seat = budget(i, j).b("mounting of the seat", self.fixture.mounting_u_rad, "rad", 1e6);
-                let name = format!("coupling_{}{}", AXES[i], AXES[j]);
-                findings.figure(name, seated[(i, j)] * 1e6, &of_seat, probability);
-            }
+        for ((i, j), measurement) in COUPLED_PAIRS.into_iter().zip(&COUPLINGS) {
+            let of_seat = budget(i, j).b("mounting of the seat", self.fixture.mounting_u_rad, "rad", 1e6);
+            findings.figure(measurement, seated[(i, j)] * 1e6, &of_seat, probability);
         }
         let angles_rad = nonorthogonality_rad(self.response);
-        for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
-            let name = format!("nonorthogonality_{}{}", AXES[i], AXES[j]);
-            findings.figure(name, angles_rad[k] * 1e6, &of_angle(&budget(i, j), &budget(j, i)), probability);
+        for (k, (i, j)) in SENSOR_PAIRS.into_iter().enumerate() {
+            findings.figure(
+                &NONORTHOGONALITY[k],
+                angles_rad[k] * 1e6,
+                &of_angle(&budget(i, j), &budget(j, i)),
+                probability,
+            );
         }
         let measured = self.fixture.mounting_rad;
         let label = if measured.is_some() {

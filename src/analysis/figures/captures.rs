@@ -1,5 +1,6 @@
 //! Captures as the figures use them: sound channels, exact means, temperatures.
 
+use gnc_executive::catalogue::{MeasurementSpec, PerTriad};
 use gnc_executive::quantity::Unit;
 pub(super) use gnc_metrology::AXES;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, MAG_LSB_PER_GAUSS, SATURATION};
@@ -30,6 +31,14 @@ impl Triad {
             Triad::Gyro => "gyro",
             Triad::Accel => "accel",
             Triad::Mag => "mag",
+        }
+    }
+
+    /// Returns the measurements of this triad. No kind has one for the magnetometer, which counts as accelerometers here.
+    pub(super) fn of<const N: usize>(self, measurements: &PerTriad<N>) -> &[MeasurementSpec; N] {
+        match self {
+            Triad::Gyro => &measurements.gyro,
+            Triad::Accel | Triad::Mag => &measurements.accel,
         }
     }
 

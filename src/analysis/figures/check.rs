@@ -2,6 +2,7 @@
 //! must be gravity and the angle turned.
 
 use gnc_executive::catalogue::ItemId;
+use gnc_executive::catalogue::calibration::{ANGLE_ERROR, CROSS_ANGLE, FORCE_ERROR, RATE_ERROR};
 use gnc_executive::quantity::Unit;
 use gnc_metrology::{earth, stats};
 use gnc_protocol::calibration::{CompensatedSample, FORCE_PER_MPS2, RATE_PER_RPS};
@@ -10,7 +11,7 @@ use serde_json::json;
 
 use super::budget::Budget;
 use super::calibration::COEFFICIENTS;
-use super::captures::{self, AXES};
+use super::captures;
 use super::json::vector;
 use super::mean::{self, BLOCKS};
 use super::{AnalysisInput, FigureError, Findings, clock, place};
@@ -94,7 +95,7 @@ fn position(question: &AnalysisInput<'_>, findings: &mut Findings, p: f64) -> Re
     let rates = blocks(&capture.compensated, rate_rps);
     let noise = |values: &[Vector3<f64>], i: usize| mean::variance(&[values.iter().map(|value| value[i]).collect()]);
     let force_error = (mean_of(&capture.compensated, force_mps2) - up * gravity) * MG;
-    for (i, axis) in AXES.iter().enumerate() {
+    for (i, measurement) in FORCE_ERROR.iter().enumerate() {
         let noise = noise(&forces, i);
         let level = (1.0 - up[i] * up[i]).max(0.0).sqrt();
         // The errors of the calibration's positions are a part of the error that the calibration leaves.
@@ -102,18 +103,18 @@ fn position(question: &AnalysisInput<'_>, findings: &mut Findings, p: f64) -> Re
             .a("noise of the mean", noise.sd() * MG, noise.dof)
             .b("attitude", pose_rad, "rad", level * gravity * MG)
             .b("gravity", gravity_ppm, "ppm", up[i] * gravity * MG * 1e-6);
-        findings.figure(format!("force_error_{axis}"), force_error[i], &budget, p);
+        findings.figure(measurement, force_error[i], &budget, p);
     }
     let dph = 3600.0 * 1.0_f64.to_degrees();
     let rate_error = (mean_of(&capture.compensated, rate_rps) - earth_rps) * dph;
-    for (i, axis) in AXES.iter().enumerate() {
+    for (i, measurement) in RATE_ERROR.iter().enumerate() {
         let noise = noise(&rates, i);
         let left = if known { 0.0 } else { level * (1.0 - up[i] * up[i]).max(0.0).sqrt() };
         let budget = Budget::new(Unit::DegreePerHour)
             .a("noise of the mean", noise.sd() * dph, noise.dof)
             .b("heading", heading_u, "rad", east[i] * level * dph)
             .bound("heading unknown: horizontal earth rate", left * dph, "deg/h", 1.0);
-        findings.figure(format!("rate_error_{axis}"), rate_error[i], &budget, p);
+        findings.figure(measurement, rate_error[i], &budget, p);
     }
     findings.detail("position", json!({ "up": vector(&up), "heading_deg": heading_deg, "gravity_mps2": gravity }));
     Ok(())
@@ -139,7 +140,7 @@ fn turn(question: &AnalysisInput<'_>, findings: &mut Findings, p: f64) -> Result
     // The errors of the calibration's angle, clock and attitudes are a part of the error that the calibration leaves.
     let own = budget(axis).b("angle of the table", angle_u, "rad", 1e6 / told_rad.abs());
     let error_ppm = (turned.angle_rad[axis] / told_rad - 1.0) * 1e6;
-    findings.figure("angle_error", error_ppm, &clock.in_budget(own, 1.0), p);
+    findings.figure(&ANGLE_ERROR, error_ppm, &clock.in_budget(own, 1.0), p);
     findings.detail("sample_clock", clock.details());
     let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
     let across = turned.angle_rad[i].hypot(turned.angle_rad[j]);
@@ -149,7 +150,7 @@ fn turn(question: &AnalysisInput<'_>, findings: &mut Findings, p: f64) -> Result
         .b("attitude of the axis", pose_rad, "rad", 1e6)
         .bound("rotation of the earth", ppm(earth_rad), "ppm", 1.0)
         .of_length();
-    findings.figure("cross_angle", ppm(across), &across_budget, p);
+    findings.figure(&CROSS_ANGLE, ppm(across), &across_budget, p);
     findings.detail(
         "turn",
         json!({

@@ -5,6 +5,7 @@
 //! file states or, without such a statement, the plan.
 
 use gnc_executive::bench::BenchSite;
+use gnc_executive::details::Details;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -72,8 +73,8 @@ impl BoardClock {
 
     /// Returns the details of the item that measured it.
     #[must_use]
-    pub fn details(&self) -> serde_json::Value {
-        json!({ BOARD_CLOCK.key(): self })
+    pub fn details(&self) -> Details {
+        json!({ BOARD_CLOCK.key(): self }).into()
     }
 }
 

@@ -1,7 +1,8 @@
 //! The coupling that calibration leaves. Calibration q is evaluated with the coefficients of the first calibration.
 //! With its own coefficients the coupling would be zero by construction.
 
-use gnc_executive::measurement::Value;
+use gnc_executive::catalogue::repeated::{COUPLINGS_LEFT, NONORTHOGONALITY_LEFT};
+use gnc_executive::catalogue::{COUPLED_PAIRS, SENSOR_PAIRS};
 use gnc_executive::quantity::Unit;
 use gnc_metrology::triad::nonorthogonality_rad;
 use nalgebra::Matrix3;
@@ -9,7 +10,6 @@ use serde_json::json;
 
 use super::axes::of_angle;
 use super::budget::Budget;
-use super::captures::AXES;
 use super::json::{matrix, vector};
 use super::repeated::{self, CalibrationSeries};
 use super::{AnalysisInput, FigureError, Findings};
@@ -23,39 +23,28 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     }));
     let judged = all.iter().map(Judged::of).collect::<Result<Vec<_>, _>>()?;
     for judged in &judged {
-        let name = judged.series.triad().name();
+        let triad = judged.series.triad();
         let calibrations: Vec<_> = judged
             .left
             .iter()
             .map(|left| json!({ "after_compensation": matrix(left), "nonorthogonality": vector(&nonorthogonality_rad(left)) }))
             .collect();
-        findings.detail(&format!("calibrations_{name}"), calibrations);
-        for i in 0..3 {
-            for j in (0..3).filter(|j| *j != i) {
-                let (q, value) = judged.largest(|left| left[(i, j)] / left[(i, i)]);
-                let figure = format!("coupling_{name}_{}{}", AXES[i], AXES[j]);
-                let budget = judged.budget(q, i, j).of_largest(judged.left.len());
-                findings.figure(figure, value * 1e6, &budget, probability);
-            }
+        findings.detail(&format!("calibrations_{}", triad.name()), calibrations);
+        for ((i, j), measurement) in COUPLED_PAIRS.into_iter().zip(triad.of(&COUPLINGS_LEFT)) {
+            let (q, value) = judged.largest(|left| left[(i, j)] / left[(i, i)]);
+            let budget = judged.budget(q, i, j).of_largest(judged.left.len());
+            findings.figure(measurement, value * 1e6, &budget, probability);
         }
     }
     for judged in &judged {
-        let name = judged.series.triad().name();
-        for (k, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
+        let angles = judged.series.triad().of(&NONORTHOGONALITY_LEFT);
+        for (k, (i, j)) in SENSOR_PAIRS.into_iter().enumerate() {
             let (q, value) = judged.largest(|left| nonorthogonality_rad(left)[k]);
             let budget = of_angle(&judged.budget(q, i, j), &judged.budget(q, j, i)).of_largest(judged.left.len());
-            let figure = format!("nonorthogonality_{name}_{}{}", AXES[i], AXES[j]);
-            findings.figure(figure, value * 1e6, &budget, probability);
+            findings.figure(&angles[k], value * 1e6, &budget, probability);
         }
     }
-    sort_by_catalogue(&mut findings.measured);
     Ok(findings)
-}
-
-/// Sorts the couplings of both triads before their angles, as in the catalogue.
-fn sort_by_catalogue(measured: &mut [(String, Value)]) {
-    let spec = gnc_executive::catalogue::ItemId::CrossCoupling.spec();
-    measured.sort_by_key(|(name, _)| spec.measurements.iter().position(|other| other.name == name));
 }
 
 /// The calibrations after the first, evaluated with its coefficients.

@@ -1,5 +1,6 @@
 //! The coefficients that go to the module.
 
+use gnc_executive::catalogue::calibration;
 use gnc_executive::measurement::Value;
 use serde_json::json;
 
@@ -19,6 +20,6 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
         },
     }));
     findings.part(&COEFFICIENTS, coefficients);
-    findings.put("coefficients", Value::count(coefficients.count()));
+    findings.put(&calibration::COEFFICIENTS, Value::count(coefficients.count()));
     Ok(findings)
 }

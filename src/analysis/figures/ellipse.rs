@@ -1,6 +1,7 @@
 //! The magnetometer in its plane of rotation: ellipse, correction to a circle, roll angle.
 
 use gnc_executive::bench::{BenchImperfections, BenchSite};
+use gnc_executive::catalogue::magnetometer;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::ellipse::{self, Correction, Ellipse};
@@ -55,34 +56,47 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     let ky = known.put(&mut findings, Figure::Ky, &spins, |e| e.correction.ky, probability);
     let alpha =
         known.disturbed(Figure::SinAlpha, Budget::new(Unit::Degree).a(NOISE, skew.alpha_sd.to_degrees(), skew.dof));
-    findings.figure("alpha", skew.alpha.to_degrees(), &alpha, probability);
+    findings.figure(&magnetometer::ALPHA, skew.alpha.to_degrees(), &alpha, probability);
     known.put(&mut findings, Figure::Radius, &spins, |e| e.radius, probability);
     let worst = |pick: &dyn Fn(&Spin<'_>) -> f64| spins.iter().map(pick).fold(0.0, f64::max);
-    findings.number("residual_rms", worst(&|spin| spin.found.residual_rms / spin.found.radius * 100.0), Unit::Percent);
-    findings.number("residual_peak", worst(&|spin| spin.found.residual_peak * 100.0), Unit::Percent);
+    findings.number(
+        &magnetometer::RESIDUAL_RMS,
+        worst(&|spin| spin.found.residual_rms / spin.found.radius * 100.0),
+        Unit::Percent,
+    );
+    findings.number(&magnetometer::RESIDUAL_PEAK, worst(&|spin| spin.found.residual_peak * 100.0), Unit::Percent);
     for harmonic in [0, 1] {
         let largest =
             spins.iter().max_by(|a, b| a.roll.harmonics_rad[harmonic].total_cmp(&b.roll.harmonics_rad[harmonic]));
         if let Some(Spin { roll, .. }) = largest {
             let noise = roll.noise[harmonic];
             let budget = Budget::new(Unit::Degree).of_length().a(NOISE, noise.sd().to_degrees(), noise.dof);
-            let name = format!("roll_error_{}", harmonic + 1);
             let budget = if harmonic == 0 { known.of_roll_once(budget) } else { known.of_roll_twice(budget) };
-            findings.figure(name, roll.harmonics_rad[harmonic].to_degrees(), &budget, probability);
+            findings.figure(
+                &magnetometer::ROLL_ERROR[harmonic],
+                roll.harmonics_rad[harmonic].to_degrees(),
+                &budget,
+                probability,
+            );
         }
     }
     match skew.skew_s {
         Some((skew_s, sd_s)) => {
             let budget = Budget::new(Unit::Microsecond).a("fit", sd_s * 1e6, skew.dof);
-            findings.figure("skew", skew_s * 1e6, &budget, probability);
+            findings.figure(&magnetometer::SKEW, skew_s * 1e6, &budget, probability);
         }
-        None => findings.put("skew", Value::NotAvailable("all spins have one rate: alpha and skew look alike".into())),
+        None => findings
+            .put(&magnetometer::SKEW, Value::NotAvailable("all spins have one rate: alpha and skew look alike".into())),
     }
-    findings.put("lag", Value::NotAvailable("the record holds no angle of the table".into()));
+    findings.put(&magnetometer::LAG, Value::NotAvailable("the record holds no angle of the table".into()));
     let rejected: usize = spins.iter().map(|spin| spin.found.rejected).sum();
     let used: usize = spins.iter().map(|spin| spin.found.used).sum();
-    findings.number("rejected", 100.0 * rejected as f64 / (rejected + used) as f64, Unit::Percent);
-    findings.number("turns", spins.iter().map(|spin| spin.roll.turns.abs()).fold(f64::INFINITY, f64::min), Unit::Count);
+    findings.number(&magnetometer::REJECTED_SHARE, 100.0 * rejected as f64 / (rejected + used) as f64, Unit::Percent);
+    findings.number(
+        &magnetometer::TURNS,
+        spins.iter().map(|spin| spin.roll.turns.abs()).fold(f64::INFINITY, f64::min),
+        Unit::Count,
+    );
     let mag = Mag { dx, dy, ky, sin_alpha: skew.alpha.sin() };
     findings.part(&CALIBRATION, ModuleCalibration { mag: Some(mag), ..ModuleCalibration::default() });
     Ok(findings)
@@ -190,17 +204,17 @@ impl Known {
         pick: impl Fn(&Ellipse) -> f64,
         probability: f64,
     ) -> f64 {
-        let (name, unit, factor) = match figure {
-            Figure::ZeroX => ("zero_x", Unit::Gauss, 1.0),
-            Figure::ZeroY => ("zero_y", Unit::Gauss, 1.0),
-            Figure::Ky => ("sensitivity_ratio", Unit::Percent, 100.0),
-            Figure::SinAlpha => ("alpha", Unit::Degree, 1.0_f64.to_degrees()),
-            Figure::Radius => ("radius", Unit::Gauss, 1.0),
+        let (measurement, unit, factor) = match figure {
+            Figure::ZeroX => (magnetometer::ZERO_OF_AXIS[0], Unit::Gauss, 1.0),
+            Figure::ZeroY => (magnetometer::ZERO_OF_AXIS[1], Unit::Gauss, 1.0),
+            Figure::Ky => (magnetometer::SENSITIVITY_RATIO, Unit::Percent, 100.0),
+            Figure::SinAlpha => (magnetometer::ALPHA, Unit::Degree, 1.0_f64.to_degrees()),
+            Figure::Radius => (magnetometer::RADIUS, Unit::Gauss, 1.0),
         };
         let values: Vec<f64> = spins.iter().map(|spin| pick(&spin.found)).collect();
         let (mean, contribution, u, dof) = average(&values, &self.noise[figure as usize]);
         let budget = self.disturbed(figure, Budget::new(unit).a(contribution, u * factor, dof));
-        findings.figure(name, mean * factor, &budget, probability);
+        findings.figure(&measurement, mean * factor, &budget, probability);
         mean
     }
 

@@ -1,6 +1,7 @@
 //! The magnetometer over many attitudes: hard and soft iron.
 
 use gnc_executive::bench::BenchSite;
+use gnc_executive::catalogue::magnetometer;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::stream::{MAG_LSB_PER_GAUSS, SATURATION};
@@ -8,7 +9,7 @@ use serde_json::json;
 
 use super::attitude_field::{Attitude, Field};
 use super::budget::Budget;
-use super::captures::{self, AXES, Triad};
+use super::captures::{self, Triad};
 use super::json::{matrix, vector};
 use super::mean::MeanVariance;
 use super::still_fit::rare_ratio;
@@ -41,35 +42,36 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     let quantum = 1.0 / MAG_LSB_PER_GAUSS / 12.0_f64.sqrt();
     // `place` is the place of the figure in the covariance of the fit, `factor` turns gauss into the unit.
     let budget = |place: usize, unit: Unit, factor: f64| noise.in_budget(unit, field.per_gauss(place) * factor);
-    for (i, axis) in AXES.iter().enumerate() {
+    for (i, measurement) in magnetometer::HARD_IRON.iter().enumerate() {
         let budget = budget(i, Unit::Gauss, 1.0).b("field of the fixture", fixture.field_u_gauss, "gauss", 1.0).b(
             "quantisation",
             quantum,
             "gauss",
             1.0,
         );
-        findings.figure(format!("hard_iron_{axis}"), found.centre[i], &budget, probability);
+        findings.figure(measurement, found.centre[i], &budget, probability);
     }
-    for (i, j, place) in [(0, 0, 3), (1, 1, 6), (2, 2, 8), (0, 1, 4), (0, 2, 5), (1, 2, 7)] {
+    let elements = [(0, 0, 3), (1, 1, 6), (2, 2, 8), (0, 1, 4), (0, 2, 5), (1, 2, 7)];
+    for ((i, j, place), measurement) in elements.into_iter().zip(&magnetometer::SOFT_IRON) {
         let value = found.matrix[(i, j)] - if i == j { 1.0 } else { 0.0 };
         let budget = budget(place, Unit::PartsPerMillion, 1e6);
-        findings.figure(format!("soft_iron_{}{}", AXES[i], AXES[j]), value * 1e6, &budget, probability);
+        findings.figure(measurement, value * 1e6, &budget, probability);
     }
     let of_field = |unit: Unit, factor: f64| {
         // The error that all attitudes have in common.
         budget(9, unit, factor).b("ambient field", fixture.ambient_u_gauss, "gauss", factor)
     };
-    findings.figure("field", found.field, &of_field(Unit::Gauss, 1.0), probability);
+    findings.figure(&magnetometer::FIELD_STRENGTH, found.field, &of_field(Unit::Gauss, 1.0), probability);
     match question.site.and_then(|site| site.field_gauss).filter(|field| *field > 0.0) {
         Some(known) => {
             let budget = of_field(Unit::Percent, 100.0 / known);
-            findings.figure("field_error", (found.field / known - 1.0) * 100.0, &budget, probability);
+            findings.figure(&magnetometer::FIELD_ERROR, (found.field / known - 1.0) * 100.0, &budget, probability);
         }
-        None => findings.put("field_error", Value::NotAvailable("the bench file gives no field".into())),
+        None => findings.put(&magnetometer::FIELD_ERROR, Value::NotAvailable("the bench file gives no field".into())),
     }
-    findings.number("residual", found.residual_relative * 100.0, Unit::Percent);
-    findings.number("coverage_of_sphere", found.coverage * 100.0, Unit::Percent);
-    findings.put("rejected", Value::count(field.left_out as u64));
+    findings.number(&magnetometer::RESIDUAL, found.residual_relative * 100.0, Unit::Percent);
+    findings.number(&magnetometer::COVERAGE_OF_SPHERE, found.coverage * 100.0, Unit::Percent);
+    findings.put(&magnetometer::REJECTED, Value::count(field.left_out as u64));
     Ok(findings)
 }
 

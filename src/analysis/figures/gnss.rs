@@ -1,6 +1,7 @@
 //! One-sigma position and velocity about the surveyed antenna, and the jitter of the 1PPS.
 
 use gnc_executive::bench::SitePlace;
+use gnc_executive::catalogue::sensors;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -56,9 +57,9 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     findings.part(&SCATTER, scatter(&errors));
     let horizontal = (stats::rms(&east).powi(2) + stats::rms(&north).powi(2)).sqrt();
     let position = |rms: f64, dof: f64| spread(rms, dof, survey_u, Unit::Metre, probability);
-    findings.put("position_horizontal", position(horizontal, 2.0 * worth));
+    findings.put(&sensors::POSITION_HORIZONTAL, position(horizontal, 2.0 * worth));
     findings.put(
-        "position_height",
+        &sensors::POSITION_HEIGHT,
         if up.len() >= LEAST {
             position(stats::rms(&up), dof_of_rms(&up))
         } else {
@@ -67,19 +68,23 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     );
     let speeds: Vec<f64> = fixes.iter().filter_map(|epoch| epoch.ground_speed_mps).collect();
     findings.put(
-        "velocity_horizontal",
+        &sensors::VELOCITY_HORIZONTAL,
         if speeds.len() < LEAST {
             Value::NotAvailable(format!("{} epochs with a speed, needs at least {LEAST}", speeds.len()))
         } else {
             spread(stats::rms(&speeds), 2.0 * dof_of_rms(&speeds), 0.0, Unit::MetrePerSecond, probability)
         },
     );
-    findings.put("velocity_height", Value::NotAvailable("the receiver's sentences hold no vertical velocity".into()));
+    findings.put(
+        &sensors::VELOCITY_HEIGHT,
+        Value::NotAvailable("the receiver's sentences hold no vertical velocity".into()),
+    );
     pulses(question, &mut findings, probability);
     board_clock(question, &mut findings, probability);
-    findings.put("pps_accuracy", Value::NotAvailable("not measured: there is no external time reference".into()));
-    findings.put("epochs", Value::count(fixes.len() as u64));
-    findings.number("effective_epochs", worth.floor(), Unit::Count);
+    findings
+        .put(&sensors::PPS_ACCURACY, Value::NotAvailable("not measured: there is no external time reference".into()));
+    findings.put(&sensors::EPOCHS, Value::count(fixes.len() as u64));
+    findings.number(&sensors::EFFECTIVE_EPOCHS, worth.floor(), Unit::Count);
     Ok(findings)
 }
 
@@ -136,9 +141,9 @@ fn board_clock(question: &AnalysisInput<'_>, findings: &mut Findings, probabilit
     match BoardClock::of_pulses(&pulses) {
         Ok(clock) => {
             findings.part(&BOARD_CLOCK, clock);
-            findings.put("board_clock_error", clock.value(probability));
+            findings.put(&sensors::BOARD_CLOCK_ERROR, clock.value(probability));
         }
-        Err(why) => findings.put("board_clock_error", Value::NotAvailable(why)),
+        Err(why) => findings.put(&sensors::BOARD_CLOCK_ERROR, Value::NotAvailable(why)),
     }
 }
 
@@ -151,7 +156,7 @@ fn pulses(question: &AnalysisInput<'_>, findings: &mut Findings, probability: f6
         .collect();
     let whole: Vec<f64> = intervals.iter().copied().filter(|ns| (SECOND_NS.0..=SECOND_NS.1).contains(ns)).collect();
     if whole.len() < LEAST {
-        findings.put("pps_jitter", Value::NotAvailable(format!("{} intervals between pulses", whole.len())));
+        findings.put(&sensors::PPS_JITTER, Value::NotAvailable(format!("{} intervals between pulses", whole.len())));
         return;
     }
     let (mean_ns, sd_ns) = stats::mean_sd(&whole);
@@ -169,5 +174,5 @@ fn pulses(question: &AnalysisInput<'_>, findings: &mut Findings, probability: f6
         }),
     );
     let interval = Uncertainty::interval(low, high, probability);
-    findings.put("pps_jitter", Value::estimate(sd_ns, Unit::Nanosecond, interval));
+    findings.put(&sensors::PPS_JITTER, Value::estimate(sd_ns, Unit::Nanosecond, interval));
 }

@@ -1,5 +1,7 @@
 //! The bias that calibration leaves in the gyroscopes.
 
+use gnc_executive::catalogue::TEMPERATURE;
+use gnc_executive::catalogue::performance::{EARTH_LABEL, RATE_BIAS_LEFT};
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_metrology::earth;
@@ -8,7 +10,7 @@ use serde_json::json;
 
 use super::budget::Budget;
 use super::calibration::ModuleCalibration;
-use super::captures::{self, AXES, Triad};
+use super::captures::{self, Triad};
 use super::json::vector;
 use super::mean::{self, BLOCKS};
 use super::{AnalysisInput, FigureError, Findings, place};
@@ -78,16 +80,16 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
         "bias_rps": vector(&bias_rps), "earth_removed_rps": vector(&earth.removed_rps),
         "up": vector(&up), "heading_deg": heading_deg, "samples": capture.samples.len(), "label": earth.label,
     }));
-    for (i, axis) in AXES.iter().enumerate() {
+    for (i, measurement) in RATE_BIAS_LEFT.iter().enumerate() {
         let noise = mean::variance(&[blocks.iter().map(|block| block[i] * dph).collect()]);
         let budget = Budget::new(Unit::DegreePerHour)
             .a("noise of the mean", noise.sd(), noise.dof)
             .b("heading", earth.heading_u_rad, "rad", earth.per_heading[i] * dph)
             .b("attitude, on the rotation of the earth", pose_rad, "rad", earth::EARTH_RATE_RPS * dph)
             .bound("rotation of the earth left", earth.left_rps * dph, "deg/h", 1.0);
-        findings.figure(format!("bias_{axis}"), bias_rps[i] * dph, &budget, probability);
+        findings.figure(measurement, bias_rps[i] * dph, &budget, probability);
     }
-    findings.put("label", Value::text(earth.label));
-    findings.number("temperature", captures::temperature([capture], Triad::Gyro).0, Unit::DegreeCelsius);
+    findings.put(&EARTH_LABEL, Value::text(earth.label));
+    findings.number(&TEMPERATURE, captures::temperature([capture], Triad::Gyro).0, Unit::DegreeCelsius);
     Ok(findings)
 }

@@ -1,5 +1,6 @@
 //! Bias and g-sensitivity of the gyroscopes from still positions.
 
+use gnc_executive::catalogue::calibration::{G_SENSITIVITY, RATE_BIAS, RATE_RESIDUAL};
 use gnc_executive::quantity::Unit;
 use gnc_metrology::position::Position;
 use gnc_metrology::{earth, gyro_still};
@@ -9,7 +10,7 @@ use serde_json::json;
 
 use super::budget::Budget;
 use super::calibration::{CALIBRATION, GyroStillCalibration, ModuleCalibration};
-use super::captures::{self, AXES, Triad};
+use super::captures::{self, Triad};
 use super::json::{matrix, of_rows, rows, vector};
 use super::mean::MeanVariance;
 use super::six_position::temperatures;
@@ -172,20 +173,20 @@ fn findings(
         residual_rps: (*residual).into(),
     });
     findings.part(&RATE_RESIDUALS, residuals.collect());
-    for (i, axis) in AXES.iter().enumerate() {
+    for (i, measurement) in RATE_BIAS.iter().enumerate() {
         let budget = fit.budget(i, 3, Unit::DegreePerSecond, 1.0_f64.to_degrees());
-        findings.figure(format!("bias_{axis}"), found.bias_rps[i].to_degrees(), &budget, probability);
+        findings.figure(measurement, found.bias_rps[i].to_degrees(), &budget, probability);
     }
     // Factor from (rad/s) per (m/s^2) to deg/h per g.
     let dph_per_g = 3600.0 * 1.0_f64.to_degrees() * earth::STANDARD_GRAVITY_MPS2;
-    for (i, sensor) in AXES.iter().enumerate() {
-        for (j, axis) in AXES.iter().enumerate() {
+    for (i, of_sensor) in G_SENSITIVITY.iter().enumerate() {
+        for (j, measurement) in of_sensor.iter().enumerate() {
             let budget = fit.budget(i, j, Unit::DegreePerHourPerGravity, dph_per_g);
             let value = found.g_sensitivity[(i, j)] * dph_per_g;
-            findings.figure(format!("g_sensitivity_{sensor}{axis}"), value, &budget, probability);
+            findings.figure(measurement, value, &budget, probability);
         }
     }
-    findings.number("residual_rms", found.residual_rms_rps.to_degrees() * 3600.0, Unit::DegreePerHour);
+    findings.number(&RATE_RESIDUAL, found.residual_rms_rps.to_degrees() * 3600.0, Unit::DegreePerHour);
     temperatures(&mut findings, question.captures, Triad::Gyro);
     let bias = response * found.bias_rps;
     let still = GyroStillCalibration { bias: bias.into(), per_force: rows(&(response * found.g_sensitivity)) };

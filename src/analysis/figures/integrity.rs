@@ -40,7 +40,7 @@ pub(super) struct Integrity<'c> {
 /// Returns the shares of bad samples in the captures of an item. They are judged also beside a refusal: a fault of the
 /// module stays its fault where there is no figure.
 #[must_use]
-pub fn integrity(item: ItemId, question: &AnalysisInput<'_>) -> Vec<(String, Value)> {
+pub fn integrity(item: ItemId, question: &AnalysisInput<'_>) -> Vec<(&'static str, Value)> {
     Integrity::of(item, question).measured()
 }
 
@@ -112,16 +112,12 @@ impl<'c> Integrity<'c> {
     }
 
     /// Returns the three shares; nothing where nothing was captured.
-    pub(super) fn measured(&self) -> Vec<(String, Value)> {
+    pub(super) fn measured(&self) -> Vec<(&'static str, Value)> {
         if self.samples == 0 {
             return Vec::new();
         }
         let shares = shares(&self.left_out, self.samples);
-        NAMES
-            .iter()
-            .zip(shares)
-            .map(|(name, share)| ((*name).to_owned(), Value::number(share, Unit::Percent)))
-            .collect()
+        NAMES.into_iter().zip(shares).map(|(name, share)| (name, Value::number(share, Unit::Percent))).collect()
     }
 
     /// Adds shares and counts to the findings of an analysis.

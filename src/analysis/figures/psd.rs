@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use gnc_executive::catalogue::noise::{DENSITY, STRONGEST_LINE};
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -37,13 +38,13 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
             // The level part below the sensor's low-pass and above the wander of the bias.
             let level = psd::RobustSpectrum::of_welch(&found).without_lines().plateau_above_flicker();
             let (line_hz, line) = strongest_line(&found);
-            findings.put(format!("density_{channel}"), density(level, *triad, probability));
-            lines.push((format!("line_{channel}"), line));
+            findings.put(&triad.of(&DENSITY)[i], density(level, *triad, probability));
+            lines.push((triad.of(&STRONGEST_LINE)[i], line));
             spectra.insert(channel, spectrum(&found, stability::unit(*triad), level, (line_hz, line)));
         }
     }
-    for (name, line) in lines {
-        findings.number(name, line, Unit::Count);
+    for (measurement, line) in lines {
+        findings.number(&measurement, line, Unit::Count);
     }
     findings.part(&SPECTRA, spectra);
     Ok(findings)

@@ -1,5 +1,6 @@
 //! Whole calibrations after power cycles: repeatability of the scale factors.
 
+use gnc_executive::catalogue::repeated::SCALE_FACTOR_SD;
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -7,7 +8,7 @@ use gnc_metrology::{stability, stats};
 use nalgebra::Matrix3;
 use serde_json::json;
 
-use super::captures::{AXES, Triad};
+use super::captures::Triad;
 use super::json::rows;
 use super::six_position::temperatures;
 use super::{AnalysisInput, FigureError, Findings, clock, rotation, six_position};
@@ -94,17 +95,15 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     );
     for series in &all {
         let responses = series.responses();
-        let name = series.triad().name();
         let part = match series.triad() {
             Triad::Gyro => &GYRO_RESPONSES,
             Triad::Accel | Triad::Mag => &ACCEL_RESPONSES,
         };
         findings.part(part, responses.iter().map(rows).collect());
-        for (i, axis) in AXES.iter().enumerate() {
+        for (i, measurement) in series.triad().of(&SCALE_FACTOR_SD).iter().enumerate() {
             let first = responses[0][(i, i)];
             let figures: Vec<f64> = responses.iter().map(|response| response[(i, i)] / first).collect();
-            let name = format!("scale_factor_repeatability_{name}_{axis}");
-            let found = stability::repeatability(&figures, 0.0).map_err(FigureError::refused(name.clone()))?;
+            let found = stability::repeatability(&figures, 0.0).map_err(FigureError::refused(measurement.name))?;
             let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
             let ppm = 1e6 / found.mean;
             let low_ppm = match series.triad() {
@@ -113,7 +112,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
                 Triad::Accel | Triad::Mag => low * ppm,
             };
             let interval = Uncertainty::interval(low_ppm, high * ppm, probability);
-            findings.put(name, Value::estimate(found.sd * ppm, Unit::PartsPerMillion, interval));
+            findings.put(measurement, Value::estimate(found.sd * ppm, Unit::PartsPerMillion, interval));
         }
     }
     temperatures(&mut findings, question.captures, all.first().map_or(Triad::Accel, CalibrationSeries::triad));

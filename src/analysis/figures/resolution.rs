@@ -1,5 +1,6 @@
 //! Resolution: whether the mean follows a step of the published size in both directions.
 
+use gnc_executive::catalogue::performance::{self, STEP_RESPONSE};
 use gnc_executive::quantity::Unit;
 use gnc_metrology::{earth, stats};
 use gnc_protocol::stream::SATURATION;
@@ -51,7 +52,7 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
                 "rad",
                 pose_mg / step * 100.0,
             );
-            findings.figure(format!("step_response_{}_{name}", triad.name()), worse.mean * 100.0, &budget, probability);
+            findings.figure(&triad.of(&STEP_RESPONSE)[axis], worse.mean * 100.0, &budget, probability);
             shown.push(StepResponse {
                 channel: format!("{} {name}", triad.name()),
                 step,
@@ -63,12 +64,9 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
         }
     }
     findings.part(&STEPS, shown);
-    for ((triad, published), (name, unit)) in RANGES.into_iter().zip([
-        ("range_gyro", Unit::DegreePerSecond),
-        ("range_accel", Unit::Gravity),
-        ("range_mag", Unit::Gauss),
-    ]) {
-        findings.number(name, (f64::from(SATURATION) / triad.lsb()).min(published * 1.1), unit);
+    for ((triad, published), measurement) in RANGES.into_iter().zip(&performance::RANGES) {
+        let unit = measurement.unit;
+        findings.number(measurement, (f64::from(SATURATION) / triad.lsb()).min(published * 1.1), unit);
     }
     Ok(findings)
 }

@@ -1,6 +1,7 @@
 //! Scale factors and couplings of the gyroscopes from turns by a known angle.
 
 use gnc_executive::bench::BenchSite;
+use gnc_executive::catalogue::calibration::{BIAS_AT_ATTITUDE, SCALE_ERROR, TURN_MISMATCH};
 use gnc_executive::quantity::Unit;
 use gnc_metrology::rotation;
 use gnc_protocol::stream::{GYRO_LSB_PER_DPS, SATURATION};
@@ -194,18 +195,18 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
     let solved = solve(question.captures, RotationTerms::of(question)?)?;
     let c = &solved.found;
     let mut findings = Findings::new(details(&solved));
-    for (i, axis) in AXES.iter().enumerate() {
+    for (i, measurement) in SCALE_ERROR.iter().enumerate() {
         let error_ppm = (c.response[(i, i)] / nominal() - 1.0) * 1e6;
-        findings.figure(format!("scale_error_{axis}"), error_ppm, &solved.response_budget(i, i), probability);
+        findings.figure(measurement, error_ppm, &solved.response_budget(i, i), probability);
     }
     let frames = TriadFrames { response: &c.response, fixture: BenchSite::fixture(question.site) };
     frames.report(&mut findings, |i, j| solved.response_budget(i, j), probability);
-    for (i, axis) in AXES.iter().enumerate() {
+    for (i, measurement) in BIAS_AT_ATTITUDE.iter().enumerate() {
         let bias_dph = c.bias_rps()[i].to_degrees() * 3600.0;
-        findings.figure(format!("bias_at_attitude_{axis}"), bias_dph, &solved.bias_budget(i), probability);
+        findings.figure(measurement, bias_dph, &solved.bias_budget(i), probability);
     }
-    for (i, axis) in AXES.iter().enumerate() {
-        findings.number(format!("mismatch_{axis}"), c.mismatch[i] * 1e6, Unit::PartsPerMillion);
+    for (i, measurement) in TURN_MISMATCH.iter().enumerate() {
+        findings.number(measurement, c.mismatch[i] * 1e6, Unit::PartsPerMillion);
     }
     temperatures(&mut findings, question.captures, Triad::Gyro);
     findings.part(&TURNS, turns(question.captures));

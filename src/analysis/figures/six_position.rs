@@ -1,6 +1,8 @@
 //! Calibration of the accelerometers from still positions.
 
 use gnc_executive::bench::BenchSite;
+use gnc_executive::catalogue::calibration::{FORCE_BIAS, FORCE_RESIDUAL, SCALE_ERROR};
+use gnc_executive::catalogue::{TEMPERATURE, TEMPERATURE_DRIFT};
 use gnc_executive::quantity::Unit;
 use gnc_metrology::position::Position;
 use gnc_metrology::{earth, six_position};
@@ -11,7 +13,7 @@ use serde_json::json;
 use super::axes::TriadFrames;
 use super::budget::Budget;
 use super::calibration::{AccelCalibration, CALIBRATION, ModuleCalibration};
-use super::captures::{self, AXES, Triad};
+use super::captures::{self, Triad};
 use super::json::{matrix, rows, vector};
 use super::mean::MeanVariance;
 use super::place::{self, Gravity};
@@ -169,18 +171,18 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
         residual_mps2: (*residual).into(),
     });
     findings.part(&FORCE_RESIDUALS, residuals.collect());
-    for (i, axis) in AXES.iter().enumerate() {
+    for (i, measurement) in FORCE_BIAS.iter().enumerate() {
         let bias_mg = c.bias_mps2()[i] / earth::STANDARD_GRAVITY_MPS2 * 1e3;
-        findings.figure(format!("bias_{axis}"), bias_mg, &solved.bias_budget(i), probability);
+        findings.figure(measurement, bias_mg, &solved.bias_budget(i), probability);
     }
-    for (i, axis) in AXES.iter().enumerate() {
+    for (i, measurement) in SCALE_ERROR.iter().enumerate() {
         let error_ppm = solved.scale_error(i) * 1e6;
-        findings.figure(format!("scale_error_{axis}"), error_ppm, &solved.response_budget(i, i), probability);
+        findings.figure(measurement, error_ppm, &solved.response_budget(i, i), probability);
     }
     let frames = TriadFrames { response: &c.response, fixture: BenchSite::fixture(question.site) };
     frames.report(&mut findings, |i, j| solved.response_budget(i, j), probability);
     let rms_mg = c.residual_rms_mps2 / earth::STANDARD_GRAVITY_MPS2 * 1e3;
-    findings.number("residual_rms", rms_mg, Unit::Milligravity);
+    findings.number(&FORCE_RESIDUAL, rms_mg, Unit::Milligravity);
     temperatures(&mut findings, question.captures, Triad::Accel);
     findings.part(&CALIBRATION, ModuleCalibration { accel: Some(accel), ..ModuleCalibration::default() });
     Ok(findings)
@@ -189,8 +191,8 @@ pub(super) fn analyse(question: &AnalysisInput<'_>) -> Result<Findings, FigureEr
 /// Adds the mean temperature and its drift.
 pub(super) fn temperatures(findings: &mut Findings, captures: &[Capture], triad: Triad) {
     let (mean_c, drift_k) = captures::temperature(captures, triad);
-    findings.number("temperature", mean_c, Unit::DegreeCelsius);
-    findings.number("temperature_drift", drift_k, Unit::DegreeCelsius);
+    findings.number(&TEMPERATURE, mean_c, Unit::DegreeCelsius);
+    findings.number(&TEMPERATURE_DRIFT, drift_k, Unit::DegreeCelsius);
 }
 
 fn details(solved: &SixPositionSolution) -> serde_json::Value {

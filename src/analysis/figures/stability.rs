@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use gnc_executive::catalogue::performance::{BIAS_REPEATABILITY_SD, BIAS_STABILITY_SD};
 use gnc_executive::measurement::Value;
 use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
@@ -94,8 +95,8 @@ pub(super) fn stability(question: &AnalysisInput<'_>) -> Result<Findings, Figure
         let blocks = compensation.blocks(capture, *triad, samples);
         for (i, axis) in AXES.iter().enumerate() {
             let means: Vec<f64> = blocks.iter().map(|block| block[i]).collect();
-            let name = format!("bias_stability_{}_{axis}", triad.name());
-            let found = stability::stability(&means, 1.0, 1.0).map_err(FigureError::refused(name.clone()))?;
+            let measurement = &triad.of(&BIAS_STABILITY_SD)[i];
+            let found = stability::stability(&means, 1.0, 1.0).map_err(FigureError::refused(measurement.name))?;
             // Neighbouring means of a wandering bias are not independent.
             let dof = mean::dof_of_sd(&means);
             let (low, high) = stats::sd_interval(found.sd, dof, probability);
@@ -109,7 +110,10 @@ pub(super) fn stability(question: &AnalysisInput<'_>) -> Result<Findings, Figure
                     means,
                 },
             );
-            findings.put(name, Value::estimate(found.sd, unit(*triad), Uncertainty::interval(low, high, probability)));
+            findings.put(
+                measurement,
+                Value::estimate(found.sd, unit(*triad), Uncertainty::interval(low, high, probability)),
+            );
         }
     }
     findings.part(&BLOCK_S, block_s);
@@ -154,8 +158,8 @@ pub(super) fn repeatability(question: &AnalysisInput<'_>) -> Result<Findings, Fi
             .collect();
         for (i, axis) in AXES.iter().enumerate() {
             let figures: Vec<f64> = means.iter().map(|mean| mean[i]).collect();
-            let name = format!("bias_repeatability_{}_{axis}", triad.name());
-            let found = stability::repeatability(&figures, 0.0).map_err(FigureError::refused(name.clone()))?;
+            let measurement = &triad.of(&BIAS_REPEATABILITY_SD)[i];
+            let found = stability::repeatability(&figures, 0.0).map_err(FigureError::refused(measurement.name))?;
             let (low, high) = stats::sd_interval(found.sd, (figures.len() - 1) as f64, probability);
             each.insert(
                 format!("{}_{axis}", triad.name()),
@@ -167,7 +171,10 @@ pub(super) fn repeatability(question: &AnalysisInput<'_>) -> Result<Findings, Fi
                     means: figures,
                 },
             );
-            findings.put(name, Value::estimate(found.sd, unit(*triad), Uncertainty::interval(low, high, probability)));
+            findings.put(
+                measurement,
+                Value::estimate(found.sd, unit(*triad), Uncertainty::interval(low, high, probability)),
+            );
         }
     }
     findings.part(&SERIES, each);

@@ -26,6 +26,7 @@ use gnc_executive::quantity::Unit;
 use gnc_executive::uncertainty::Uncertainty;
 
 use super::*;
+use coverage::value_of;
 
 /// Parameters of an item as a plan gives them. Setup needs no limits, so that the plan is short.
 fn params(item: ItemId, params: &str) -> Params {
@@ -75,7 +76,7 @@ fn ask(
 
 /// Value, unit and interval of a figure.
 fn figure(findings: &Findings, name: &str) -> (f64, Unit, Uncertainty) {
-    match findings.value(name) {
+    match value_of(findings, name) {
         Some(Value::Estimate(quantity, known)) => (quantity.number, quantity.unit, *known),
         other => panic!("{name} is {other:?}"),
     }
@@ -95,7 +96,7 @@ fn close(findings: &Findings, name: &str, truth: f64, most: f64) {
 fn complete(item: ItemId, params: &Params, findings: &Findings) {
     let expected: Vec<&str> =
         item.spec().measurements.iter().filter(|spec| params.switch_on(spec.when)).map(|spec| spec.name).collect();
-    let names: Vec<&str> = findings.measured.iter().map(|(name, _)| name.as_str()).collect();
+    let names: Vec<&str> = findings.measured.iter().map(|(name, _)| *name).collect();
     assert_eq!(names, expected, "{item}");
     for (name, value) in &findings.measured {
         let spec = item.spec().measurement(name).unwrap();
@@ -114,5 +115,5 @@ fn complete(item: ItemId, params: &Params, findings: &Findings) {
     }
     let text = serde_json::to_string(&findings.details).unwrap();
     let back: serde_json::Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(back, findings.details, "{item}");
+    assert_eq!(back, *findings.details, "{item}");
 }

@@ -9,11 +9,11 @@ use std::time::Duration;
 use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 use gnc_analysis::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
 use gnc_analysis::motion::{Count, MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses};
-use gnc_board::stream::{Closed, Stream};
+use gnc_board::stream::{Closed, SampleFrame, Stream};
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::message::{Identity, ModulePower, StreamStart};
-use gnc_protocol::stream::{ImuSample, Losses, StreamFrame, StreamId};
+use gnc_protocol::stream::{ImuSample, Losses, StreamId};
 use gnc_protocol::wire::{FieldReader, Wire};
 use gnc_records::raw::{Piece, pieces};
 use gnc_records::store::RawFile;
@@ -53,7 +53,7 @@ pub(super) async fn run(
         captures: Vec::new(),
         course,
     };
-    let followed = capture.follow(program, &taken).await;
+    let followed = capture.follow(program, taken).await;
     if followed.is_err() && capture.moving {
         // The next item lays the module down. The error that ended this item counts, not a failure to stop the table.
         let _ = table.stop().await;
@@ -92,14 +92,16 @@ struct ProgramCapture<'a> {
 
 impl ProgramCapture<'_> {
     /// Carries out the steps that the interrupted run has not; returns how many captures it had.
-    async fn follow(&mut self, program: &MotionProgram, taken: &[Capture]) -> Result<usize, ProcedureError> {
+    async fn follow(&mut self, program: &MotionProgram, mut taken: Vec<Capture>) -> Result<usize, ProcedureError> {
         let mut over = 0;
         for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
             match action {
                 ResumeAction::Do(step) => self.carry_out(step).await?,
                 ResumeAction::Take(step) => {
-                    let found = taken.iter().find(|capture| step.about() == Some(&capture.about));
-                    self.take_over(found).await?;
+                    let place = taken.iter().position(|capture| step.about() == Some(&capture.about));
+                    if let Some(place) = place {
+                        self.take_over(taken.swap_remove(place)).await?;
+                    }
                     over += 1;
                 }
             }
@@ -139,12 +141,10 @@ impl ProgramCapture<'_> {
     }
 
     /// Files a capture of the earlier run.
-    async fn take_over(&mut self, capture: Option<&Capture>) -> Result<(), ProcedureError> {
-        let Some(capture) = capture else { return Ok(()) };
-        for piece in pieces(capture) {
+    async fn take_over(&mut self, mut capture: Capture) -> Result<(), ProcedureError> {
+        for piece in pieces(&capture) {
             self.raw.write(piece).await?;
         }
-        let mut capture = capture.clone();
         // The new file has the samples on their grid; the old file had them to within a microsecond.
         let samples = capture.samples.len().max(capture.compensated.len());
         capture.timing.board = SampleClock::even(capture.about.rate_hz, capture.first_us, samples);
@@ -166,7 +166,7 @@ impl ProgramCapture<'_> {
             about,
             watch: Watch::new(uses, still, about.rate_hz),
             samples: Vec::with_capacity(room),
-            compensated: (id == StreamId::Compensated).then(Vec::new),
+            compensated: (id == StreamId::Compensated).then(|| Vec::with_capacity(room)),
             first_us: None,
             clock: ClockWatch::new(about.rate_hz, self.bench),
         };
@@ -282,27 +282,18 @@ impl ProgramCapture<'_> {
             buffer.first_us = Some(board_time_us);
             self.raw.write(Piece::Begin { about: about.clone(), board_time_us }).await?;
         }
-        let room = if wanted > 0 { (wanted as usize).saturating_sub(buffer.samples.len()) } else { usize::MAX };
+        let had = buffer.samples.len();
+        let room = if wanted > 0 { (wanted as usize).saturating_sub(had) } else { usize::MAX };
         // Samples behind a gap are evidence of the gap.
-        let (first, rate_hz) = (frame.head.first, about.rate_hz);
-        let (samples, piece) = if let Some(all) = &mut buffer.compensated {
-            let samples: Vec<CompensatedSample> = samples_of(&frame, room)?;
-            all.extend_from_slice(&samples);
-            let nominal = samples.iter().map(compensated::nominal).collect();
-            (nominal, Piece::Compensated { first, board_time_us, rate_hz, samples })
-        } else {
-            let samples: Vec<ImuSample> = samples_of(&frame, room)?;
-            (samples.clone(), Piece::Imu { first, board_time_us, rate_hz, samples })
-        };
+        let piece = buffer.decode(&frame, room)?;
         self.raw.write(piece).await?;
         if stream.losses().any() {
-            return Err(losses::gap(about, buffer.samples.len(), stream.losses()));
+            return Err(losses::gap(about, had, stream.losses()));
         }
+        let (samples, rate_hz) = (&buffer.samples[had..], about.rate_hz);
         buffer.clock.frame(&frame.head, samples.len()).map_err(|fault| clock_fault(about, fault))?;
-        let looked = buffer.watch.look(&samples);
-        let had = buffer.samples.len();
-        self.course.took(&samples);
-        buffer.samples.extend(samples);
+        let looked = buffer.watch.look(samples);
+        self.course.took(samples);
         self.course.captured(buffer.samples.len() as f64 / f64::from(rate_hz.max(1)));
         looked.map_err(|(index, spoilt)| {
             let at_s = (had + index) as f64 / f64::from(rate_hz.max(1));
@@ -373,11 +364,28 @@ struct CaptureBuffer<'a> {
     clock: ClockWatch,
 }
 
-/// The samples of a frame, as many as there is room for.
-fn samples_of<S: Wire>(frame: &StreamFrame, room: usize) -> Result<Vec<S>, ProcedureError> {
+impl CaptureBuffer<'_> {
+    /// Decodes the samples of a frame, as many as there is room for, to the end of the capture. Returns them as a piece
+    /// of the file. The thread that writes the file needs its own copy, since the capture goes on growing.
+    fn decode(&mut self, frame: &SampleFrame, room: usize) -> Result<Piece, ProcedureError> {
+        let (first, board_time_us, rate_hz) = (frame.head.first, frame.head.board_time_us, self.about.rate_hz);
+        let Some(compensated) = &mut self.compensated else {
+            let samples = append(&mut self.samples, frame, room)?.to_vec();
+            return Ok(Piece::Imu { first, board_time_us, rate_hz, samples });
+        };
+        let samples = append(compensated, frame, room)?.to_vec();
+        self.samples.extend(samples.iter().map(compensated::nominal));
+        Ok(Piece::Compensated { first, board_time_us, rate_hz, samples })
+    }
+}
+
+/// Decodes the samples of a frame, as many as there is room for, to the end of a list. Returns the new ones.
+fn append<'s, S: Wire>(all: &'s mut Vec<S>, frame: &SampleFrame, room: usize) -> Result<&'s [S], ProcedureError> {
+    let had = all.len();
     let mut reader = FieldReader::new(&frame.samples);
-    (0..usize::from(frame.head.count).min(room))
-        .map(|_| S::get(&mut reader))
-        .collect::<Result<Vec<_>, _>>()
-        .map_err(|error| ProcedureError::Nonsense { what: "the IMU stream", why: error.to_string() })
+    for _ in 0..usize::from(frame.head.count).min(room) {
+        let sample = S::get(&mut reader);
+        all.push(sample.map_err(|error| ProcedureError::Nonsense { what: "the IMU stream", why: error.to_string() })?);
+    }
+    Ok(&all[had..])
 }

@@ -17,6 +17,7 @@ use gnc_executive::catalogue::power::{
     CYCLES_DONE, OFF_CURRENT, OFF_VOLTAGE, STARTS_MISSED, SUPPLY_CURRENT_MAX, SUPPLY_CURRENT_MIN, SUPPLY_VOLTAGE_MAX,
     SUPPLY_VOLTAGE_MIN, TIME_TO_IDENTITY,
 };
+use gnc_executive::details::Details;
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::NakCode;
@@ -82,7 +83,7 @@ pub(super) async fn run(
     }
     // The measured cycles stand beside the reason why they are not evidence.
     let ended = ended.and_then(|()| check_meter(&cycles));
-    recorder.found(Findings { measured: Vec::new(), details: details(&cycles) }).await?;
+    recorder.found(Findings::from(Details::from(details(&cycles)))).await?;
     ended?;
     file(&cycles, recorder).await?;
     match cycles.into_iter().find_map(|cycle| cycle.start.err()) {

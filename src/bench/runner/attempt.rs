@@ -6,6 +6,7 @@ use gnc_board::latest::Follower;
 use gnc_board::{Advance, BoardClient, BoardLease, BoardTime};
 use gnc_executive::catalogue::Resource;
 use gnc_executive::plan::{Phase, PlanItem};
+use gnc_executive::state::Row;
 use gnc_protocol::message::ModulePower;
 use tokio::sync::watch;
 use tokio::time::Instant;
@@ -63,11 +64,7 @@ impl Run<'_> {
         }
         self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
         let (requests, busy) = (lease.requests(), lease.busy());
-        let (measured, findings) = recorder.into_measured();
-        if let Some(findings) = findings {
-            self.findings.borrow_mut().insert(position, findings);
-        }
-        Landed { position, attempt, end, measured, requests, busy }
+        Landed { position, attempt, end, requests, busy }
     }
 
     async fn procedure(
@@ -109,17 +106,17 @@ impl Run<'_> {
 
     /// Findings of the items that have ended, in the order of the plan.
     pub(super) fn earlier(&self) -> Vec<(String, Findings)> {
-        let findings = self.findings.borrow();
-        let ended = self.journal.look(|state| {
-            let rows = state.rows();
-            let over = |position: &usize| rows.get(*position).is_some_and(gnc_executive::state::Row::is_over);
-            findings.keys().copied().filter(over).collect::<Vec<usize>>()
-        });
-        let named = ended.into_iter().filter_map(|position| {
-            Some((self.order.job.item(position)?.name.clone(), findings.get(&position)?.clone()))
-        });
-        named.collect()
+        self.journal.look(|state| newest(state.rows()))
     }
+}
+
+/// The newest findings of each item that has ended. Later items use their details.
+fn newest(rows: &[Row]) -> Vec<(String, Findings)> {
+    let of = |row: &Row| {
+        let details = row.attempts.iter().rev().find_map(|attempt| attempt.details.last())?.clone();
+        Some((row.planned.name.clone(), details.into()))
+    };
+    rows.iter().filter(|row| row.is_over()).filter_map(of).collect()
 }
 
 /// A simulated bench runs at the pace of the host's clock only at true speed.
@@ -147,5 +144,58 @@ async fn board_time_up(mut board_time: Follower<BoardTime>, limit_s: f64) {
         if now.board_time_us.saturating_sub(began_us) as f64 * 1e-6 > limit_s {
             return;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gnc_executive::catalogue::ItemId;
+    use gnc_executive::event::PlannedItem;
+    use gnc_executive::outcome::Outcome;
+    use gnc_executive::state::{Attempt, Stamp};
+    use serde_json::json;
+
+    use super::*;
+
+    /// An item whose attempts found these numbers, round by round.
+    fn row(name: &str, over: bool, found: &[&[u32]]) -> Row {
+        let now = Stamp { at: chrono::DateTime::UNIX_EPOCH.fixed_offset(), elapsed_us: 0 };
+        let attempt = |rounds: &&[u32]| Attempt {
+            started: now,
+            ended: Some(now),
+            outcome: Some(Outcome::Errored),
+            measurements: Vec::new(),
+            details: rounds.iter().map(|round| json!({ "found": round }).into()).collect(),
+            error_records: Vec::new(),
+            error: None,
+        };
+        Row {
+            planned: PlannedItem {
+                name: name.to_owned(),
+                id: ItemId::SixPosition,
+                title: name.to_owned(),
+                phase: Phase::Test,
+                optional: false,
+                selected: true,
+            },
+            outcome: Outcome::Passed,
+            cause: None,
+            attempts: found.iter().map(attempt).collect(),
+            started: Some(now),
+            ended: over.then_some(now),
+        }
+    }
+
+    #[test]
+    fn later_items_use_what_an_item_found_last() {
+        let rows = [
+            row("twice", true, &[&[1, 2], &[3, 4]]),
+            row("refused at last", true, &[&[5, 6], &[]]),
+            row("found nothing", true, &[&[], &[]]),
+            row("goes on", false, &[&[7]]),
+        ];
+        let found = newest(&rows);
+        let told: Vec<_> = found.iter().map(|(name, findings)| (name.as_str(), &findings.details["found"])).collect();
+        assert_eq!(told, [("twice", &json!(4)), ("refused at last", &json!(6))]);
     }
 }

@@ -9,7 +9,6 @@ use gnc_link::RETURNS_WITHIN;
 use gnc_records::store::StoreError;
 use gnc_text::with_causes;
 
-use super::verdict::judge;
 use super::{End, Flight, Landed, Run};
 use crate::procedure::ProcedureError;
 
@@ -67,7 +66,7 @@ impl Run<'_> {
             // An attempt that ended by itself in the same moment has its own verdict.
             let own = trouble.is_none_or(session_lives) || Some(landed.position) == culprit;
             if own {
-                let (outcome, error) = judge(item, &landed.measured, trouble);
+                let (outcome, error) = self.judged(landed, item, trouble);
                 self.end_attempt(landed, outcome, error).await?;
             } else {
                 self.end_attempt(landed, Outcome::Errored, Some(spoilt(text.as_deref()))).await?;

@@ -1,7 +1,7 @@
 //! How the session handles what the board says.
 
 use gnc_protocol::message::{Accept, BoardHello, Heartbeat, MAGIC, Nak, Progress, ResultHead, event};
-use gnc_protocol::stream::{StreamFrame, StreamId};
+use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::{FieldReader, Text, Wire as _};
 use gnc_protocol::{FaultCode, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload, timing};
 use tokio::sync::mpsc;
@@ -10,7 +10,7 @@ use tokio::time::{Duration, Instant};
 use super::{Answer, Session};
 use crate::error::BoardError;
 use crate::status::{Advance, BoardTime};
-use crate::stream::Newest;
+use crate::stream::{Newest, SampleFrame};
 
 impl Session {
     pub(super) fn receive(&mut self, frame: &Frame) {
@@ -181,7 +181,7 @@ impl Session {
     }
 
     fn streamed(&mut self, payload: &[u8]) {
-        let Ok(frame) = StreamFrame::from_payload(payload) else { return };
+        let Ok(frame) = SampleFrame::of(payload) else { return };
         let Some(id) = StreamId::from_number(frame.head.stream) else { return };
         if !self.newest.admit(id, &frame.head) {
             self.report.stale += 1;
@@ -189,7 +189,7 @@ impl Session {
         }
         self.gauges.streamed(id, &frame);
         let Some(sender) = self.sender_of(id) else { return };
-        match sender.try_send(Ok(Box::new(frame))) {
+        match sender.try_send(Ok(frame)) {
             Ok(()) => {}
             Err(mpsc::error::TrySendError::Full(Ok(frame))) => self.held.push_back((id, frame)),
             Err(_) => self.forget(id),

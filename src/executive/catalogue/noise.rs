@@ -2,7 +2,7 @@
 
 use super::performance::STILL;
 use super::shared::{
-    COMPENSATED, COVERAGE, FAILED_READS, RATE, SAMPLE_RATE, SENSORS, SETTLE, SPIKES, STALE_SAMPLES, dph, mg, quantity,
+    COMPENSATED, COVERAGE, OF_SAMPLES, PerTriad, RATE, SENSORS, SETTLE, dph, measurements, mg, quantity,
 };
 use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number};
 use crate::quantity::{Dimension, Unit};
@@ -32,33 +32,50 @@ const fn vrw(name: &'static str) -> MeasurementSpec {
     accel(number(name, Unit::MetrePerSecondPerRootHour, Dimension::VelocityRandomWalk, WALK))
 }
 
+/// Random walk of each sensor: N of the Allan deviation.
+pub const RANDOM_WALK: PerTriad<3> = PerTriad {
+    gyro: [arw("angle_random_walk_x"), arw("angle_random_walk_y"), arw("angle_random_walk_z")],
+    accel: [vrw("velocity_random_walk_x"), vrw("velocity_random_walk_y"), vrw("velocity_random_walk_z")],
+};
+/// Bias instability of each sensor: B of the Allan deviation.
+pub const BIAS_INSTABILITY: PerTriad<3> = PerTriad {
+    gyro: [
+        gyro(dph("bias_instability_gyro_x", FLOOR)),
+        gyro(dph("bias_instability_gyro_y", FLOOR)),
+        gyro(dph("bias_instability_gyro_z", FLOOR)),
+    ],
+    accel: [
+        accel(mg("bias_instability_accel_x", FLOOR)),
+        accel(mg("bias_instability_accel_y", FLOOR)),
+        accel(mg("bias_instability_accel_z", FLOOR)),
+    ],
+};
+/// Upper bound of the bias instability, whether the record shows a flat part or not.
+pub const BIAS_INSTABILITY_BOUND: PerTriad<3> = PerTriad {
+    gyro: [
+        gyro(dph("bias_instability_bound_gyro_x", FLOOR)),
+        gyro(dph("bias_instability_bound_gyro_y", FLOOR)),
+        gyro(dph("bias_instability_bound_gyro_z", FLOOR)),
+    ],
+    accel: [
+        accel(mg("bias_instability_bound_accel_x", FLOOR)),
+        accel(mg("bias_instability_bound_accel_y", FLOOR)),
+        accel(mg("bias_instability_bound_accel_z", FLOOR)),
+    ],
+};
+
 /// Overlapping Allan deviation of all axes.
 pub(super) static ALLAN: ItemSpec = ItemSpec {
     title: "Allan deviation",
     params: &[SENSORS, OF, DURATION, RATE, SETTLE],
-    measurements: &[
-        arw("angle_random_walk_x"),
-        arw("angle_random_walk_y"),
-        arw("angle_random_walk_z"),
-        gyro(dph("bias_instability_gyro_x", FLOOR)),
-        gyro(dph("bias_instability_gyro_y", FLOOR)),
-        gyro(dph("bias_instability_gyro_z", FLOOR)),
-        gyro(dph("bias_instability_bound_gyro_x", FLOOR)),
-        gyro(dph("bias_instability_bound_gyro_y", FLOOR)),
-        gyro(dph("bias_instability_bound_gyro_z", FLOOR)),
-        vrw("velocity_random_walk_x"),
-        vrw("velocity_random_walk_y"),
-        vrw("velocity_random_walk_z"),
-        accel(mg("bias_instability_accel_x", FLOOR)),
-        accel(mg("bias_instability_accel_y", FLOOR)),
-        accel(mg("bias_instability_accel_z", FLOOR)),
-        accel(mg("bias_instability_bound_accel_x", FLOOR)),
-        accel(mg("bias_instability_bound_accel_y", FLOOR)),
-        accel(mg("bias_instability_bound_accel_z", FLOOR)),
-        SAMPLE_RATE,
-        FAILED_READS,
-        STALE_SAMPLES,
-        SPIKES,
+    measurements: measurements![
+        RANDOM_WALK.gyro,
+        BIAS_INSTABILITY.gyro,
+        BIAS_INSTABILITY_BOUND.gyro,
+        RANDOM_WALK.accel,
+        BIAS_INSTABILITY.accel,
+        BIAS_INSTABILITY_BOUND.accel,
+        OF_SAMPLES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
@@ -78,6 +95,17 @@ const fn line(name: &'static str) -> MeasurementSpec {
     number(name, Unit::Count, Dimension::Count, LINE)
 }
 
+/// Level of the white noise of each sensor.
+pub const DENSITY: PerTriad<3> = PerTriad {
+    gyro: [rate_density("density_gyro_x"), rate_density("density_gyro_y"), rate_density("density_gyro_z")],
+    accel: [force_density("density_accel_x"), force_density("density_accel_y"), force_density("density_accel_z")],
+};
+/// Strongest line in the spectrum of each sensor, over its neighbours.
+pub const STRONGEST_LINE: PerTriad<3> = PerTriad {
+    gyro: [gyro(line("line_gyro_x")), gyro(line("line_gyro_y")), gyro(line("line_gyro_z"))],
+    accel: [accel(line("line_accel_x")), accel(line("line_accel_y")), accel(line("line_accel_z"))],
+};
+
 /// One-sided spectra of all axes.
 pub(super) static PSD: ItemSpec = ItemSpec {
     title: "Power spectral density",
@@ -94,24 +122,7 @@ pub(super) static PSD: ItemSpec = ItemSpec {
         },
         COVERAGE,
     ],
-    measurements: &[
-        rate_density("density_gyro_x"),
-        rate_density("density_gyro_y"),
-        rate_density("density_gyro_z"),
-        force_density("density_accel_x"),
-        force_density("density_accel_y"),
-        force_density("density_accel_z"),
-        gyro(line("line_gyro_x")),
-        gyro(line("line_gyro_y")),
-        gyro(line("line_gyro_z")),
-        accel(line("line_accel_x")),
-        accel(line("line_accel_y")),
-        accel(line("line_accel_z")),
-        SAMPLE_RATE,
-        FAILED_READS,
-        STALE_SAMPLES,
-        SPIKES,
-    ],
+    measurements: measurements![DENSITY.gyro, DENSITY.accel, STRONGEST_LINE.gyro, STRONGEST_LINE.accel, OF_SAMPLES,],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
     needs: COMPENSATED,

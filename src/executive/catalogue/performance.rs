@@ -1,8 +1,8 @@
 //! The errors that remain after calibration: biases, their stability and repeatability, resolution.
 
 use super::shared::{
-    CALIBRATED, COMPENSATED, COVERAGE, DWELL, FAILED_READS, GRAVITY_U, HEADING, HEADING_U, POSE_U, RATE, SAMPLE_RATE,
-    SENSORS, SETTLE, SPIKES, STALE_SAMPLES, WARM, degc, dph, mg, percent, quantity,
+    CALIBRATED, COMPENSATED, COVERAGE, DWELL, GRAVITY_U, HEADING, HEADING_U, OF_SAMPLES, POSE_U, PerTriad, RATE,
+    SENSORS, SETTLE, TEMPERATURE, TEMPERATURE_DRIFT, dph, measurements, mg, percent, quantity,
 };
 use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number, text};
 use crate::quantity::{Dimension, Unit};
@@ -19,6 +19,12 @@ const fn accel(spec: MeasurementSpec) -> MeasurementSpec {
     if_text(spec, "sensors", "accel")
 }
 
+/// Rate that calibration leaves of each gyroscope at rest.
+pub const RATE_BIAS_LEFT: [MeasurementSpec; 3] = [dph("bias_x", BIAS), dph("bias_y", BIAS), dph("bias_z", BIAS)];
+/// What the rates still hold of the earth's rotation.
+pub const EARTH_LABEL: MeasurementSpec =
+    text("label", "This text says how much of the earth's rotation is still in the figures.");
+
 /// Three minutes of compensated rate, the axis Z up.
 pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
     title: "Gyroscope bias",
@@ -31,17 +37,7 @@ pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
         HEADING_U,
         POSE_U,
     ],
-    measurements: &[
-        dph("bias_x", BIAS),
-        dph("bias_y", BIAS),
-        dph("bias_z", BIAS),
-        text("label", "This text says how much of the earth's rotation is still in the figures."),
-        degc("temperature", WARM),
-        SAMPLE_RATE,
-        FAILED_READS,
-        STALE_SAMPLES,
-        SPIKES,
-    ],
+    measurements: measurements![RATE_BIAS_LEFT, [EARTH_LABEL, TEMPERATURE], OF_SAMPLES,],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
     needs: CALIBRATED,
@@ -51,6 +47,10 @@ pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
 const fn if_axis(spec: MeasurementSpec, axis: &'static str) -> MeasurementSpec {
     if_text(spec, "axes", axis)
 }
+
+/// Bias that calibration leaves of each accelerometer.
+pub const FORCE_BIAS_LEFT: [MeasurementSpec; 3] =
+    [if_axis(mg("bias_x", BIAS), "x"), if_axis(mg("bias_y", BIAS), "y"), if_axis(mg("bias_z", BIAS), "z")];
 
 /// The module turns upside down about the third axis. This cancels the error of level and the coupling to the axis that
 /// is up.
@@ -69,20 +69,25 @@ pub(super) static ACCEL_BIAS: ItemSpec = ItemSpec {
         POSE_U,
         GRAVITY_U,
     ],
-    measurements: &[
-        if_axis(mg("bias_x", BIAS), "x"),
-        if_axis(mg("bias_y", BIAS), "y"),
-        if_axis(mg("bias_z", BIAS), "z"),
-        degc("temperature", WARM),
-        SAMPLE_RATE,
-        FAILED_READS,
-        STALE_SAMPLES,
-        SPIKES,
-    ],
+    measurements: measurements![FORCE_BIAS_LEFT, [TEMPERATURE], OF_SAMPLES,],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
     needs: &[(ItemId::SixPosition, None)],
     timeout_s: 14_400.0,
+};
+
+/// Standard deviation of disjoint means of each sensor.
+pub const BIAS_STABILITY_SD: PerTriad<3> = PerTriad {
+    gyro: [
+        gyro(dph("bias_stability_gyro_x", STABILITY)),
+        gyro(dph("bias_stability_gyro_y", STABILITY)),
+        gyro(dph("bias_stability_gyro_z", STABILITY)),
+    ],
+    accel: [
+        accel(mg("bias_stability_accel_x", STABILITY)),
+        accel(mg("bias_stability_accel_y", STABILITY)),
+        accel(mg("bias_stability_accel_z", STABILITY)),
+    ],
 };
 
 /// Disjoint means over an hour.
@@ -96,24 +101,30 @@ pub(super) static BIAS_STABILITY: ItemSpec = ItemSpec {
         SETTLE,
         COVERAGE,
     ],
-    measurements: &[
-        gyro(dph("bias_stability_gyro_x", STABILITY)),
-        gyro(dph("bias_stability_gyro_y", STABILITY)),
-        gyro(dph("bias_stability_gyro_z", STABILITY)),
-        accel(mg("bias_stability_accel_x", STABILITY)),
-        accel(mg("bias_stability_accel_y", STABILITY)),
-        accel(mg("bias_stability_accel_z", STABILITY)),
-        degc("temperature", WARM),
-        degc("temperature_drift", WARM),
-        SAMPLE_RATE,
-        FAILED_READS,
-        STALE_SAMPLES,
-        SPIKES,
+    measurements: measurements![
+        BIAS_STABILITY_SD.gyro,
+        BIAS_STABILITY_SD.accel,
+        [TEMPERATURE, TEMPERATURE_DRIFT],
+        OF_SAMPLES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
     needs: COMPENSATED,
     timeout_s: 80_000.0,
+};
+
+/// Standard deviation of the means of each sensor from power-on to power-on.
+pub const BIAS_REPEATABILITY_SD: PerTriad<3> = PerTriad {
+    gyro: [
+        gyro(dph("bias_repeatability_gyro_x", REPEATABILITY)),
+        gyro(dph("bias_repeatability_gyro_y", REPEATABILITY)),
+        gyro(dph("bias_repeatability_gyro_z", REPEATABILITY)),
+    ],
+    accel: [
+        accel(mg("bias_repeatability_accel_x", REPEATABILITY)),
+        accel(mg("bias_repeatability_accel_y", REPEATABILITY)),
+        accel(mg("bias_repeatability_accel_z", REPEATABILITY)),
+    ],
 };
 
 /// Means after power cycles.
@@ -132,19 +143,11 @@ pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
         SETTLE,
         COVERAGE,
     ],
-    measurements: &[
-        gyro(dph("bias_repeatability_gyro_x", REPEATABILITY)),
-        gyro(dph("bias_repeatability_gyro_y", REPEATABILITY)),
-        gyro(dph("bias_repeatability_gyro_z", REPEATABILITY)),
-        accel(mg("bias_repeatability_accel_x", REPEATABILITY)),
-        accel(mg("bias_repeatability_accel_y", REPEATABILITY)),
-        accel(mg("bias_repeatability_accel_z", REPEATABILITY)),
-        degc("temperature", WARM),
-        degc("temperature_drift", WARM),
-        SAMPLE_RATE,
-        FAILED_READS,
-        STALE_SAMPLES,
-        SPIKES,
+    measurements: measurements![
+        BIAS_REPEATABILITY_SD.gyro,
+        BIAS_REPEATABILITY_SD.accel,
+        [TEMPERATURE, TEMPERATURE_DRIFT],
+        OF_SAMPLES,
     ],
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link, Resource::Power],
@@ -170,6 +173,26 @@ const CYCLES_ACCEL: ParamSpec = ParamSpec {
     kind: ParamKind::Integer { min: 2, max: 1000, default: 10 },
 };
 
+/// Response of each sensor to the step, over the step.
+pub const STEP_RESPONSE: PerTriad<3> = PerTriad {
+    gyro: [
+        gyro(percent("step_response_gyro_x", STEP)),
+        gyro(percent("step_response_gyro_y", STEP)),
+        gyro(percent("step_response_gyro_z", STEP)),
+    ],
+    accel: [
+        accel(percent("step_response_accel_x", STEP)),
+        accel(percent("step_response_accel_y", STEP)),
+        accel(percent("step_response_accel_z", STEP)),
+    ],
+};
+/// Range of gyroscopes, accelerometers and magnetometer.
+pub const RANGES: [MeasurementSpec; 3] = [
+    number("range_gyro", Unit::DegreePerSecond, Dimension::AngularRate, RANGE),
+    number("range_accel", Unit::Gravity, Dimension::Acceleration, RANGE),
+    number("range_mag", Unit::Gauss, Dimension::MagneticField, RANGE),
+];
+
 /// Small steps in both senses.
 pub(super) static RESOLUTION: ItemSpec = ItemSpec {
     title: "Resolution",
@@ -191,21 +214,7 @@ pub(super) static RESOLUTION: ItemSpec = ItemSpec {
         COVERAGE,
         POSE_U,
     ],
-    measurements: &[
-        gyro(percent("step_response_gyro_x", STEP)),
-        gyro(percent("step_response_gyro_y", STEP)),
-        gyro(percent("step_response_gyro_z", STEP)),
-        accel(percent("step_response_accel_x", STEP)),
-        accel(percent("step_response_accel_y", STEP)),
-        accel(percent("step_response_accel_z", STEP)),
-        number("range_gyro", Unit::DegreePerSecond, Dimension::AngularRate, RANGE),
-        number("range_accel", Unit::Gravity, Dimension::Acceleration, RANGE),
-        number("range_mag", Unit::Gauss, Dimension::MagneticField, RANGE),
-        SAMPLE_RATE,
-        FAILED_READS,
-        STALE_SAMPLES,
-        SPIKES,
-    ],
+    measurements: measurements![STEP_RESPONSE.gyro, STEP_RESPONSE.accel, RANGES, OF_SAMPLES,],
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
     needs: COMPENSATED,

@@ -326,6 +326,32 @@ pub(super) static AD: ItemSpec = ItemSpec {
 const SCATTER: &str =
     "The positions scatter: check the antenna's view of the sky and its cable, then suspect the receiver.";
 
+/// Root mean square of the horizontal errors about the surveyed antenna.
+pub const POSITION_HORIZONTAL: MeasurementSpec = number("position_horizontal", Unit::Metre, Dimension::Length, PLACE);
+/// Root mean square of the errors of height.
+pub const POSITION_HEIGHT: MeasurementSpec = number("position_height", Unit::Metre, Dimension::Length, PLACE);
+/// Root mean square of the speed over ground.
+pub const VELOCITY_HORIZONTAL: MeasurementSpec =
+    number("velocity_horizontal", Unit::MetrePerSecond, Dimension::Speed, SCATTER);
+/// Root mean square of the vertical speed.
+pub const VELOCITY_HEIGHT: MeasurementSpec = number("velocity_height", Unit::MetrePerSecond, Dimension::Speed, SCATTER);
+/// Standard deviation of the intervals between pulses.
+pub const PPS_JITTER: MeasurementSpec =
+    number("pps_jitter", Unit::Nanosecond, Dimension::Time, "The pulses scatter: check the 1PPS line.");
+/// Error of the pulses against true time.
+pub const PPS_ACCURACY: MeasurementSpec = number(
+    "pps_accuracy",
+    Unit::Nanosecond,
+    Dimension::Time,
+    "This figure needs an external time reference: the station has none.",
+);
+/// Epochs with a fix.
+pub const EPOCHS: MeasurementSpec =
+    count("epochs", "Epochs are missing: the fix was lost, or the line loses sentences.");
+/// Number of independent epochs that would give the same uncertainty.
+pub const EFFECTIVE_EPOCHS: MeasurementSpec =
+    count("effective_epochs", "Too few epochs are independent, so the figure is uncertain: collect longer.");
+
 /// One-sigma position and velocity about the surveyed antenna; pulses against the board's timer.
 pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
     title: "GNSS accuracy",
@@ -337,20 +363,15 @@ pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
         quantity("survey_u", "standard uncertainty of the antenna's place, each axis", Unit::Metre, (0.0, 10.0), 0.05),
     ],
     measurements: &[
-        number("position_horizontal", Unit::Metre, Dimension::Length, PLACE),
-        number("position_height", Unit::Metre, Dimension::Length, PLACE),
-        number("velocity_horizontal", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
-        number("velocity_height", Unit::MetrePerSecond, Dimension::Speed, SCATTER),
-        number("pps_jitter", Unit::Nanosecond, Dimension::Time, "The pulses scatter: check the 1PPS line."),
+        POSITION_HORIZONTAL,
+        POSITION_HEIGHT,
+        VELOCITY_HORIZONTAL,
+        VELOCITY_HEIGHT,
+        PPS_JITTER,
         BOARD_CLOCK_ERROR,
-        number(
-            "pps_accuracy",
-            Unit::Nanosecond,
-            Dimension::Time,
-            "This figure needs an external time reference: the station has none.",
-        ),
-        count("epochs", "Epochs are missing: the fix was lost, or the line loses sentences."),
-        count("effective_epochs", "Too few epochs are independent, so the figure is uncertain: collect longer."),
+        PPS_ACCURACY,
+        EPOCHS,
+        EFFECTIVE_EPOCHS,
     ],
     devices: &[Device::Slave],
     resources: &[],

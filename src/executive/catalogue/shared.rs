@@ -142,7 +142,7 @@ pub(super) const fn gauss(name: &'static str, look_at: &'static str) -> Measurem
     number(name, Unit::Gauss, Dimension::MagneticField, look_at)
 }
 
-pub(super) const fn degc(name: &'static str, look_at: &'static str) -> MeasurementSpec {
+const fn degc(name: &'static str, look_at: &'static str) -> MeasurementSpec {
     number(name, Unit::DegreeCelsius, Dimension::Temperature, look_at)
 }
 
@@ -163,5 +163,63 @@ pub const SPIKES: MeasurementSpec =
     percent("spikes", "Single samples jump: look for loose contacts and disturbances, then suspect the sensor.");
 
 /// The hint for a temperature or its drift outside its limit.
-pub(super) const WARM: &str =
-    "The calibration holds for one constant temperature: let the module settle, and keep draughts away.";
+const WARM: &str = "The calibration holds for one constant temperature: let the module settle, and keep draughts away.";
+
+/// Mean temperature of the sensors.
+pub const TEMPERATURE: MeasurementSpec = degc("temperature", WARM);
+/// Largest less smallest temperature within the captures of an item.
+pub const TEMPERATURE_DRIFT: MeasurementSpec = degc("temperature_drift", WARM);
+
+/// Measurements of every item that captures samples.
+pub(super) const OF_SAMPLES: [MeasurementSpec; 4] = [SAMPLE_RATE, FAILED_READS, STALE_SAMPLES, SPIKES];
+
+/// Sensor and axis of the couplings, in the order of their measurements.
+pub const COUPLED_PAIRS: [(usize, usize); 6] = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
+/// Sensors whose axes stand at an angle, in the order of the measurements of that angle.
+pub const SENSOR_PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
+
+/// A kind of measurement of both inertial triads.
+#[derive(Debug)]
+pub struct PerTriad<const N: usize> {
+    /// Gyroscopes.
+    pub gyro: [MeasurementSpec; N],
+    /// Accelerometers.
+    pub accel: [MeasurementSpec; N],
+}
+
+/// Joins arrays of measurements to the list of an item.
+macro_rules! measurements {
+    ($($part:expr),* $(,)?) => {{
+        const PARTS: &[&[MeasurementSpec]] = &[$(&$part),*];
+        const ALL: [MeasurementSpec; $crate::catalogue::shared::count_of(PARTS)] =
+            $crate::catalogue::shared::joined(PARTS);
+        &ALL
+    }};
+}
+pub(super) use measurements;
+
+/// The number of measurements of all parts.
+pub(super) const fn count_of(parts: &[&[MeasurementSpec]]) -> usize {
+    let (mut count, mut part) = (0, 0);
+    while part < parts.len() {
+        count += parts[part].len();
+        part += 1;
+    }
+    count
+}
+
+/// The measurements of all parts in one array; `N` is [`count_of`] them.
+pub(super) const fn joined<const N: usize>(parts: &[&[MeasurementSpec]]) -> [MeasurementSpec; N] {
+    let mut all = [SAMPLE_RATE; N];
+    let (mut next, mut part) = (0, 0);
+    while part < parts.len() {
+        let mut place = 0;
+        while place < parts[part].len() {
+            all[next] = parts[part][place];
+            next += 1;
+            place += 1;
+        }
+        part += 1;
+    }
+    all
+}

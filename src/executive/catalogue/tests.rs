@@ -87,6 +87,32 @@ fn shared_pins_and_motion_exclude() {
     assert!(!Resource::Still.excludes(Resource::Still));
 }
 
+/// Programs find a figure of a matrix by the indices of its row and column.
+#[test]
+fn indices_and_names_of_a_figure_agree() {
+    use calibration::{COUPLINGS, G_SENSITIVITY, NONORTHOGONALITY};
+    use repeated::{COUPLINGS_LEFT, NONORTHOGONALITY_LEFT};
+    let axes = ["x", "y", "z"];
+    let agree = |measurement: &MeasurementSpec, kind: &str, (i, j): (usize, usize)| {
+        assert_eq!(measurement.name, format!("{kind}_{}{}", axes[i], axes[j]));
+    };
+    for (k, pair) in COUPLED_PAIRS.into_iter().enumerate() {
+        agree(&COUPLINGS[k], "coupling", pair);
+        agree(&COUPLINGS_LEFT.gyro[k], "coupling_gyro", pair);
+        agree(&COUPLINGS_LEFT.accel[k], "coupling_accel", pair);
+    }
+    for (k, pair) in SENSOR_PAIRS.into_iter().enumerate() {
+        agree(&NONORTHOGONALITY[k], "nonorthogonality", pair);
+        agree(&NONORTHOGONALITY_LEFT.gyro[k], "nonorthogonality_gyro", pair);
+        agree(&NONORTHOGONALITY_LEFT.accel[k], "nonorthogonality_accel", pair);
+    }
+    for (i, row) in G_SENSITIVITY.iter().enumerate() {
+        for (j, measurement) in row.iter().enumerate() {
+            agree(measurement, "g_sensitivity", (i, j));
+        }
+    }
+}
+
 #[test]
 fn the_stored_page_is_the_generated_one() {
     let stored = include_str!("../../../docs/items.md");

@@ -3,13 +3,15 @@
 use gnc_analysis::details::{self, BUDGET, FRAMES};
 use gnc_analysis::figures::calibration::CALIBRATION;
 use gnc_analysis::figures::{FigureError, Findings, ModuleCalibration};
-use gnc_executive::catalogue::ItemId;
+use gnc_executive::catalogue::calibration::{FORCE_BIAS, G_SENSITIVITY, NONORTHOGONALITY, RATE_BIAS};
+use gnc_executive::catalogue::noise::{BIAS_INSTABILITY, DENSITY, RANDOM_WALK};
+use gnc_executive::catalogue::processor::SUPPLY_VOLTAGE;
+use gnc_executive::catalogue::{ItemId, MeasurementSpec, TEMPERATURE, TEMPERATURE_DRIFT};
 use gnc_executive::event::BenchKind;
 use gnc_executive::measurement::Value;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::quantity::Unit;
 use gnc_executive::record::{ItemRecord, RunRecord};
-use gnc_metrology::AXES;
 use gnc_metrology::earth::STANDARD_GRAVITY_MPS2;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS};
 use nalgebra::Matrix3;
@@ -95,7 +97,8 @@ fn findings(item: &ItemRecord) -> Option<(String, Findings)> {
     let attempt = item.last_attempt().filter(|_| item.outcome.is_good())?;
     let round = attempt.measurements.iter().filter_map(|measurement| measurement.repeat).max();
     let counts = attempt.measurements.iter().filter(|measurement| measurement.repeat == round);
-    let measured = counts.map(|measurement| (measurement.name.clone(), measurement.measured())).collect();
+    let known = counts.filter_map(|measurement| Some((item.id.spec().measurement(&measurement.name)?, measurement)));
+    let measured = known.map(|(spec, measurement)| (spec.name, measurement.measured())).collect();
     let details = attempt.details.last().cloned().unwrap_or_default();
     Some((item.name.clone(), Findings { measured, details }))
 }
@@ -103,7 +106,7 @@ fn findings(item: &ItemRecord) -> Option<(String, Findings)> {
 fn supply_v(record: &RunRecord) -> Option<f64> {
     let identity = record.items.iter().find(|item| item.id == ItemId::Identity)?;
     let (_, found) = findings(identity)?;
-    Some(number(&found, "supply_voltage", Unit::Volt)).filter(|volts| volts.is_finite())
+    Some(number(&found, &SUPPLY_VOLTAGE, Unit::Volt)).filter(|volts| volts.is_finite())
 }
 
 fn origin(record: &RunRecord, record_sha256: &str) -> Origin {
@@ -160,9 +163,7 @@ pub(super) fn of(
 
 fn alignment(six: &Findings, turned: &Findings) -> Alignment {
     let frames = FRAMES.of(&six.details);
-    let angles = |findings: &Findings| {
-        ["xy", "xz", "yz"].map(|pair| number(findings, &format!("nonorthogonality_{pair}"), Unit::PartsPerMillion))
-    };
+    let angles = |findings: &Findings| each(findings, &NONORTHOGONALITY, Unit::PartsPerMillion);
     Alignment {
         mounting_deg: frames.as_ref().and_then(|frames| frames.mounting_deg),
         mounting_u_deg: frames.map(|frames| frames.mounting_u_deg),
@@ -172,26 +173,26 @@ fn alignment(six: &Findings, turned: &Findings) -> Alignment {
 }
 
 fn accelerometers(per_count: &[[f64; 3]; 3], six: &Findings, found: &[(String, Findings)]) -> PassportAccel {
-    let walk = worst(found, "velocity_random_walk_", Unit::MetrePerSecondPerRootHour);
+    let walk = worst(found, &RANDOM_WALK.accel, Unit::MetrePerSecondPerRootHour);
     PassportAccel {
         response: relative(inverse(per_count), ACCEL_LSB_PER_G / STANDARD_GRAVITY_MPS2),
-        bias_mg: each(six, "bias_", Unit::Milligravity),
+        bias_mg: each(six, &FORCE_BIAS, Unit::Milligravity),
         temp_coeff: TempCoeff { bias_mg_per_c: None },
         walk_mps2_per_sqrt_hz: walk.map(|walk| walk / 60.0),
-        density_ug_per_sqrt_hz: axes(found, "density_accel_", Unit::MicrogravityPerRootHertz),
+        density_ug_per_sqrt_hz: axes(found, &DENSITY.accel, Unit::MicrogravityPerRootHertz),
     }
 }
 
 fn gyroscopes(response: &[[f64; 3]; 3], still: &Findings, found: &[(String, Findings)]) -> Gyro {
-    let per_g_full_dps = AXES.map(|row| each(still, &format!("g_sensitivity_{row}"), Unit::DegreePerSecondPerGravity));
+    let per_g_full_dps = [0, 1, 2].map(|row| each(still, &G_SENSITIVITY[row], Unit::DegreePerSecondPerGravity));
     Gyro {
         response: relative(matrix(response), GYRO_LSB_PER_DPS * 1.0_f64.to_degrees()),
-        bias_dps: each(still, "bias_", Unit::DegreePerSecond),
+        bias_dps: each(still, &RATE_BIAS, Unit::DegreePerSecond),
         per_g_dps: per_g_full_dps.map(largest),
         per_g_full_dps,
-        walk_dps_per_sqrt_hz: worst(found, "angle_random_walk_", Unit::DegreePerSecondPerRootHertz),
-        density_dps_per_sqrt_hz: axes(found, "density_gyro_", Unit::DegreePerSecondPerRootHertz),
-        bias_instability_dph: worst(found, "bias_instability_gyro_", Unit::DegreePerHour),
+        walk_dps_per_sqrt_hz: worst(found, &RANDOM_WALK.gyro, Unit::DegreePerSecondPerRootHertz),
+        density_dps_per_sqrt_hz: axes(found, &DENSITY.gyro, Unit::DegreePerSecondPerRootHertz),
+        bias_instability_dph: worst(found, &BIAS_INSTABILITY.gyro, Unit::DegreePerHour),
     }
 }
 
@@ -224,35 +225,35 @@ fn newest(found: &[(String, Findings)], has: impl Fn(&ModuleCalibration) -> bool
 }
 
 /// A number in a unit; NaN if there is none.
-fn number(findings: &Findings, name: &str, unit: Unit) -> f64 {
-    match findings.value(name) {
+fn number(findings: &Findings, measurement: &MeasurementSpec, unit: Unit) -> f64 {
+    match findings.value(measurement) {
         Some(Value::Number(quantity) | Value::Estimate(quantity, _)) => quantity.in_unit(unit).unwrap_or(f64::NAN),
         _ => f64::NAN,
     }
 }
 
-fn each(findings: &Findings, prefix: &str, unit: Unit) -> [f64; 3] {
-    AXES.map(|axis| number(findings, &format!("{prefix}{axis}"), unit))
+fn each(findings: &Findings, measurements: &[MeasurementSpec; 3], unit: Unit) -> [f64; 3] {
+    measurements.each_ref().map(|measurement| number(findings, measurement, unit))
 }
 
 /// The newest value of each axis; `None` unless all three were found.
-fn axes(found: &[(String, Findings)], prefix: &str, unit: Unit) -> Option<[f64; 3]> {
-    let mut figures = found.iter().rev().map(|(_, findings)| each(findings, prefix, unit));
+fn axes(found: &[(String, Findings)], measurements: &[MeasurementSpec; 3], unit: Unit) -> Option<[f64; 3]> {
+    let mut figures = found.iter().rev().map(|(_, findings)| each(findings, measurements, unit));
     let figures = figures.find(|figures| figures.iter().any(|figure| figure.is_finite()))?;
     figures.iter().all(|figure| figure.is_finite()).then_some(figures)
 }
 
 /// The largest of the three axes.
-fn worst(found: &[(String, Findings)], prefix: &str, unit: Unit) -> Option<f64> {
-    axes(found, prefix, unit).map(|figures| figures.into_iter().fold(0.0, f64::max))
+fn worst(found: &[(String, Findings)], measurements: &[MeasurementSpec; 3], unit: Unit) -> Option<f64> {
+    axes(found, measurements, unit).map(|figures| figures.into_iter().fold(0.0, f64::max))
 }
 
 /// Lowest and highest temperature, from the means of the calibrating items and their drifts.
 fn temperatures(found: &[(String, Findings)]) -> Option<[f64; 2]> {
     let calibrating = found.iter().filter(|(_, findings)| CALIBRATION.of(&findings.details).is_some());
     let spans = calibrating.filter_map(|(_, findings)| {
-        let mean = Some(number(findings, "temperature", Unit::DegreeCelsius)).filter(|mean| mean.is_finite())?;
-        let drift = number(findings, "temperature_drift", Unit::DegreeCelsius);
+        let mean = Some(number(findings, &TEMPERATURE, Unit::DegreeCelsius)).filter(|mean| mean.is_finite())?;
+        let drift = number(findings, &TEMPERATURE_DRIFT, Unit::DegreeCelsius);
         let half = if drift.is_finite() { drift / 2.0 } else { 0.0 };
         Some((mean - half, mean + half))
     });
@@ -264,8 +265,8 @@ fn temperatures(found: &[(String, Findings)]) -> Option<[f64; 2]> {
 
 /// Expanded uncertainties of both kinds of sensors, with the larger of their coverage factors.
 fn uncertainty(six: &Findings, still: &Findings, budget: Vec<PassportBudget>) -> PassportUncertainty {
-    let of = |findings: &Findings, unit: Unit| {
-        let known = AXES.iter().filter_map(|axis| match findings.value(&format!("bias_{axis}")) {
+    let of = |findings: &Findings, bias: &[MeasurementSpec; 3], unit: Unit| {
+        let known = bias.iter().filter_map(|axis| match findings.value(axis) {
             Some(Value::Estimate(quantity, known)) => {
                 let known = known.in_unit(quantity.unit, unit)?;
                 Some((known.expanded()? / known.k?, known.k?))
@@ -274,7 +275,8 @@ fn uncertainty(six: &Findings, still: &Findings, budget: Vec<PassportBudget>) ->
         });
         known.fold((0.0_f64, 0.0_f64), |(u, k), (one, factor)| (u.max(one), k.max(factor)))
     };
-    let ((accel, accel_k), (gyro, gyro_k)) = (of(six, Unit::Milligravity), of(still, Unit::DegreePerSecond));
+    let ((accel, accel_k), (gyro, gyro_k)) =
+        (of(six, &FORCE_BIAS, Unit::Milligravity), of(still, &RATE_BIAS, Unit::DegreePerSecond));
     let k = accel_k.max(gyro_k);
     PassportUncertainty { k, accel_mg: k * accel, gyro_dps: k * gyro, budget }
 }

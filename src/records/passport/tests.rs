@@ -20,9 +20,9 @@ fn found() -> Vec<(String, Findings)> {
     // 160,000 counts for a g and 20,000 for one deg/s are nominal. The first axis has a tenth of a percent more.
     let accel = |factor: f64| 9.80665 / 160_000.0 / factor;
     let gyro = |factor: f64| 20_000.0 * 180.0 / std::f64::consts::PI * factor;
-    let findings = |details: serde_json::Value, measured: Vec<(&str, Value)>| Findings {
-        measured: measured.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
-        details,
+    let findings = |details: serde_json::Value, measured: Vec<(&'static str, Value)>| Findings {
+        measured,
+        details: details.into(),
     };
     let frames = AxesDetails {
         coupling_to_table: [[0.0; 3]; 3],
@@ -59,11 +59,21 @@ fn found() -> Vec<(String, Findings)> {
             ("nonorthogonality_yz", estimate(-3.0, Unit::PartsPerMillion, 1.0, 2.0)),
         ],
     );
-    let names = ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"].map(|pair| format!("g_sensitivity_{pair}"));
-    let mut measured: Vec<(&str, Value)> = names
-        .iter()
+    let names = [
+        "g_sensitivity_xx",
+        "g_sensitivity_xy",
+        "g_sensitivity_xz",
+        "g_sensitivity_yx",
+        "g_sensitivity_yy",
+        "g_sensitivity_yz",
+        "g_sensitivity_zx",
+        "g_sensitivity_zy",
+        "g_sensitivity_zz",
+    ];
+    let mut measured: Vec<(&'static str, Value)> = names
+        .into_iter()
         .zip([36.0, -72.0, 18.0, 3.6, 7.2, 3.6, 0.0, 0.0, -36.0])
-        .map(|(name, value)| (name.as_str(), estimate(value, Unit::DegreePerHourPerGravity, 0.1, 2.0)))
+        .map(|(name, value)| (name, estimate(value, Unit::DegreePerHourPerGravity, 0.1, 2.0)))
         .collect();
     for (name, value) in [("bias_x", 0.08), ("bias_y", -0.05), ("bias_z", 0.06)] {
         measured.push((name, estimate(value, Unit::DegreePerSecond, 1e-4, 2.5)));
@@ -153,8 +163,8 @@ fn the_schema_has_the_same_keys() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/passport.schema.json");
     let schema: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let mut all = found();
-    all[0].1.details["budget"] = budget();
-    all[0].1.details["calibration"]["mag"] = json!({ "dx": 0.0, "dy": 0.0, "ky": 1.0, "sin_alpha": 0.0 });
+    all[0].1.details.to_mut()["budget"] = budget();
+    all[0].1.details.to_mut()["calibration"]["mag"] = json!({ "dx": 0.0, "dy": 0.0, "ky": 1.0, "sin_alpha": 0.0 });
     let passport = of("SN-1", None, Origin::default(), &all).unwrap();
     compare(&schema, &serde_json::to_value(&passport).unwrap(), "");
 }
@@ -187,9 +197,9 @@ fn budget() -> serde_json::Value {
 #[test]
 fn the_budget_of_the_calibration_is_in_it() {
     let mut all = found();
-    all[0].1.details["budget"] = budget();
+    all[0].1.details.to_mut()["budget"] = budget();
     // The budget of another item does not belong to the calibration.
-    all[3].1.details["budget"] = budget();
+    all[3].1.details.to_mut()["budget"] = budget();
     let passport = of("SN-1", None, Origin::default(), &all).unwrap();
     let [PassportBudget { item, figure, k, dof, expanded, contributions, .. }] = &passport.uncertainty.budget[..]
     else {
@@ -207,7 +217,7 @@ fn the_budget_of_the_calibration_is_in_it() {
 fn a_passport_without_a_number_is_none() {
     let mut all = found();
     for (name, value) in &mut all[2].1.measured {
-        if name == "bias_y" {
+        if *name == "bias_y" {
             *value = Value::NotAvailable("no".into());
         }
     }
@@ -272,8 +282,9 @@ fn read_back(text: &str, like: &serde_json::Value) -> serde_json::Value {
 #[test]
 fn xml_says_what_json_says() {
     let mut all = found();
-    all[0].1.details["budget"] = budget();
-    all[0].1.details["calibration"]["mag"] = json!({ "dx": 1e-300, "dy": -0.1, "ky": 1.0 / 3.0, "sin_alpha": 0.0 });
+    all[0].1.details.to_mut()["budget"] = budget();
+    all[0].1.details.to_mut()["calibration"]["mag"] =
+        json!({ "dx": 1e-300, "dy": -0.1, "ky": 1.0 / 3.0, "sin_alpha": 0.0 });
     for hostile in
         ["SN-1", "<a href='x'>&amp;\"]]>", "  two  spaces ", "µ模块\u{202e}", "<!--", "\u{1b}[2J\r\n\u{ffff}\0"]
     {

@@ -109,7 +109,7 @@ fn allan() -> serde_json::Value {
 #[test]
 fn the_page_needs_no_network() {
     let mut record = record("SN-1");
-    record.items[0].attempts[0].details = vec![allan()];
+    record.items[0].attempts[0].details = vec![allan().into()];
     record.items[0].id = ItemId::Allan;
     let page = shown(&record, &NONE, &[]).replace("http://www.w3.org/2000/svg", "");
     for place in ["http:", "https:", "src=", "url(", "@import"] {
@@ -128,7 +128,7 @@ fn details_are_tables_matrices_and_pictures() {
         "budget": { "scale_x": { "contributions": [{ "name": "table angle", "type": "B", "u": 2.5 }], "U": 5.0, "k": 2.0 } },
         "curves": allan()["curves"],
         "nothing": null,
-    })];
+    }).into()];
     let page = shown(&record, &NONE, &[]);
     for expected in
         ["f = M N + b", ">0.25<", "1.50000e-7", "table angle", "U = 5 with k = 2", "<svg", "not available", ">type<"]

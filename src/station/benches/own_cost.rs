@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use chrono::Local;
 use gnc_bench::journal::RunJournal;
-use gnc_board::stream::Stream;
+use gnc_board::stream::{SampleFrame, Stream};
 use gnc_board::{Advance, BoardClient, BoardError, BoardLease};
 use gnc_executive::event::{BenchInfo, EVENTS_SCHEMA, EventKind, PlanInfo, ProgramVersion, RunHeader};
 use gnc_executive::job::{BenchAbilities, Job, Next};
@@ -21,7 +21,7 @@ use gnc_executive::measurement::Value;
 use gnc_executive::plan::Plan;
 use gnc_link::{Link, Target};
 use gnc_protocol::message::{ModulePower, StreamStart};
-use gnc_protocol::stream::{StreamFrame, StreamId};
+use gnc_protocol::stream::StreamId;
 use gnc_records::store::{RecordWriter, RunFolder};
 use hw_mocks::{BenchOptions, RunningBench, Speed};
 use tokio::sync::watch;
@@ -238,7 +238,7 @@ async fn started(lease: &BoardLease<'_>, count: u32) -> Stream {
     stream
 }
 
-fn is_last(frame: Result<Option<Box<StreamFrame>>, BoardError>, wanted: u32) -> bool {
+fn is_last(frame: Result<Option<SampleFrame>, BoardError>, wanted: u32) -> bool {
     let frame = frame.expect("a live board");
     frame.is_some_and(|frame| frame.head.first + u32::from(frame.head.count) >= wanted)
 }

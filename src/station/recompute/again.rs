@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::{self, AnalysisInput, FigureError, Findings};
 use gnc_analysis::motion::{self, MotionStep};
+use gnc_executive::details::Details;
 use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, ProgramVersion};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
@@ -57,16 +58,8 @@ pub(super) fn judge(run: &RecordedRun, plan: &Plan, of: Option<EarlierRun>) -> R
         incomplete: 0,
     };
     let screened = of.is_some() || run.events.iter().any(measures_integrity);
-    let mut judge = Judge {
-        run,
-        plan,
-        of,
-        again,
-        findings: BTreeMap::new(),
-        attempts: BTreeMap::new(),
-        over: Vec::new(),
-        screened,
-    };
+    let mut judge =
+        Judge { run, plan, of, again, details: BTreeMap::new(), attempts: BTreeMap::new(), over: Vec::new(), screened };
     for event in &run.events {
         judge.take(event)?;
     }
@@ -99,7 +92,8 @@ struct Judge<'a> {
     plan: &'a Plan,
     of: Option<EarlierRun>,
     again: Again,
-    findings: BTreeMap<usize, Findings>,
+    /// The newest details of each item. Later items may use them.
+    details: BTreeMap<usize, Details>,
     /// For each item the attempt that runs or ran last: its number, and what was recorded of it.
     attempts: BTreeMap<usize, Recorded>,
     /// Positions of the items that have ended.
@@ -115,7 +109,7 @@ struct Recorded {
     /// Number of items that had ended when the attempt began: it could use their findings.
     over: usize,
     measured: Vec<Measurement>,
-    details: Vec<serde_json::Value>,
+    details: Vec<Details>,
     now: Vec<Measurement>,
     outcome: Option<Outcome>,
 }
@@ -189,8 +183,7 @@ impl Judge<'_> {
                 }
                 self.recorded(position).measured = measured;
                 for details in self.recorded(position).details.clone() {
-                    // Later items may use these details.
-                    self.findings.insert(position, Findings { measured: Vec::new(), details: details.clone() });
+                    self.details.insert(position, details.clone());
                     self.emit(event, EventKind::Found { item: item.name.clone(), attempt, details });
                 }
             }
@@ -203,10 +196,10 @@ impl Judge<'_> {
                             for (name, value) in &findings.measured {
                                 self.measured(event, item, position, attempt, name, value, repeat);
                             }
-                            details.push(findings.details.clone());
-                            let (item, found) = (item.name.clone(), findings.details.clone());
-                            self.emit(event, EventKind::Found { item, attempt, details: found });
-                            self.findings.insert(position, findings);
+                            let found = findings.details;
+                            self.details.insert(position, found.clone());
+                            details.push(found.clone());
+                            self.emit(event, EventKind::Found { item: item.name.clone(), attempt, details: found });
                         }
                         Err((integrity, refused)) => {
                             let told = if self.screened { integrity } else { Vec::new() };
@@ -300,8 +293,8 @@ impl Judge<'_> {
     /// Leaves out findings that the record could not have.
     fn as_recorded(&self, mut findings: Findings) -> Findings {
         if !self.screened {
-            findings.measured.retain(|(name, _)| !figures::INTEGRITY.contains(&name.as_str()));
-            if let Some(details) = findings.details.as_object_mut() {
+            findings.measured.retain(|(name, _)| !figures::INTEGRITY.contains(name));
+            if let Some(details) = findings.details.to_mut().as_object_mut() {
                 details.remove(figures::GATE);
             }
         }
@@ -335,8 +328,8 @@ impl Judge<'_> {
     fn earlier(&self, of: usize) -> Vec<(String, Findings)> {
         let over = self.attempts.get(&of).map_or(0, |recorded| recorded.over);
         let over = self.over.get(..over).unwrap_or_default();
-        let ended = self.findings.iter().filter(|(position, _)| over.contains(position));
-        ended.map(|(position, found)| (self.plan.items()[*position].name.clone(), found.clone())).collect()
+        let ended = self.details.iter().filter(|(position, _)| over.contains(position));
+        ended.map(|(position, found)| (self.plan.items()[*position].name.clone(), found.clone().into())).collect()
     }
 
     fn position(&self, item: &str) -> Result<usize, RunError> {
@@ -366,7 +359,7 @@ impl Judge<'_> {
 }
 
 /// Shares of bad samples, and the reason why there are no figures.
-type Refused = (Vec<(String, Value)>, FigureError);
+type Refused = (Vec<(&'static str, Value)>, FigureError);
 
 enum Figures {
     /// Nothing can be worked out: the recorded measurements are judged.

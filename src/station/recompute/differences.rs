@@ -1,5 +1,6 @@
 //! The differences between two results, in words.
 
+use gnc_executive::details::Details;
 use gnc_executive::measurement::Measurement;
 use serde_json::Value;
 
@@ -32,7 +33,7 @@ pub(super) fn of_measurements(before: &[Measurement], now: &[Measurement]) -> Ve
 }
 
 /// Differences of details, with their places.
-pub(super) fn of_details(before: &[Value], now: &[Value]) -> Vec<String> {
+pub(super) fn of_details(before: &[Details], now: &[Details]) -> Vec<String> {
     let mut found = Vec::new();
     if before.len() != now.len() {
         found.push(format!("{} details, but there were {}", now.len(), before.len()));

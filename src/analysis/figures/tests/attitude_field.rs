@@ -34,7 +34,7 @@ fn a_good_module_keeps_all_its_attitudes() {
     for seed in 0..60 {
         let (site, captures) = good_attitudes(seed);
         let found = ask_with(&site, &captures).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
-        assert_eq!(found.value("rejected"), Some(&Value::count(0)), "seed {seed}");
+        assert_eq!(value_of(&found, "rejected"), Some(&Value::count(0)), "seed {seed}");
     }
 }
 
@@ -98,7 +98,7 @@ fn parts_are_judged_against_their_attitude() {
     let whole = ask_with(&site, &captures).unwrap();
     disturb(&mut captures[5], 60..80, 3.0);
     let found = ask_with(&site, &captures).unwrap();
-    assert_eq!(found.value("rejected"), Some(&Value::count(2)));
+    assert_eq!(value_of(&found, "rejected"), Some(&Value::count(2)));
     let moved = figure(&found, "soft_iron_xx").0 - figure(&whole, "soft_iron_xx").0;
     assert!(moved.abs() < 20.0, "{moved} ppm");
     disturb(&mut captures[5], 100..200, 3.0);

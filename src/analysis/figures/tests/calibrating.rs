@@ -145,9 +145,9 @@ fn the_sample_clock_is_taken_out_where_pulses_tell_it() {
     // A crystal of +-50 ppm: 29 ppm of standard uncertainty, twice that at 95 %.
     assert!((known.expanded().unwrap() - 56.8).abs() < 2.0, "{known:?}");
     assert_eq!((&row(&unknown)["name"], &row(&unknown)["u"]), (&"sample clock, not measured".into(), &29.0.into()));
-    assert!(matches!(unknown.value("sample_rate_error"), Some(Value::NotAvailable(_))));
+    assert!(matches!(value_of(&unknown, "sample_rate_error"), Some(Value::NotAvailable(_))));
 
-    let earlier = [("gnss".to_owned(), Findings::new(clock.details()))];
+    let earlier = [("gnss".to_owned(), clock.details().into())];
     let measured = ask(ItemId::Rotation, text, &turns, &earlier).unwrap();
     let (value, _, known) = figure(&measured, "scale_error_x");
     assert!((value - truth).abs() < 5.0, "{value} for {truth}");
@@ -205,7 +205,7 @@ fn download_and_check_agree_with_the_module() {
     let mut world = World::new(7);
     let mut earlier = calibrated(&mut world);
     let download = ask(ItemId::CalibrationDownload, "", &[], &earlier).unwrap();
-    assert_eq!(download.value("coefficients"), Some(&Value::count(37)));
+    assert_eq!(value_of(&download, "coefficients"), Some(&Value::count(37)));
     assert_eq!(download.details["coefficients"]["mag"]["ky"], 1.0);
     let text = "dwell = \"60 s\", rate = \"20 Hz\", turn_rate = \"200 Hz\"";
     let coefficients: ModuleCoefficients = serde_json::from_value(download.details["coefficients"].clone()).unwrap();

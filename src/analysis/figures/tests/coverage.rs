@@ -54,6 +54,11 @@ pub(super) struct Found {
     shares: Vec<(String, f64)>,
 }
 
+/// Returns the value of a measurement by its name in records.
+pub(super) fn value_of<'f>(findings: &'f Findings, name: &str) -> Option<&'f Value> {
+    findings.measured.iter().find(|(measured, _)| *measured == name).map(|(_, value)| value)
+}
+
 impl Found {
     pub(super) fn new(item: &str, findings: &Findings, name: &str, truth: f64) -> Self {
         Self::given(item, findings, name, truth).unwrap_or_else(|| panic!("{item} has no interval of {name}"))
@@ -61,7 +66,7 @@ impl Found {
 
     /// Returns a figure of an item; `None` where the item gives the reason in place of the figure.
     pub(super) fn given(item: &str, findings: &Findings, name: &str, truth: f64) -> Option<Self> {
-        let known = match findings.value(name) {
+        let known = match value_of(findings, name) {
             Some(Value::Estimate(_, known)) => known,
             Some(Value::NotAvailable(_)) => return None,
             other => panic!("{item} {name} is {other:?}"),

@@ -57,7 +57,7 @@ pub(super) fn run(trials: usize, seed: u64) -> Vec<Tally> {
         let drifted_ppm = clock_ppm + 5.0 * (2.0 * errors.even() - 1.0);
         let earlier = [("gnss-accuracy".to_owned(), findings.clone())];
         let value = clock::sample_rate_error(&earlier, std::iter::empty::<&HostView>(), 0.95);
-        let behind = Findings { measured: vec![("sample_rate_error".to_owned(), value)], ..Findings::default() };
+        let behind = Findings { measured: vec![("sample_rate_error", value)], ..Findings::default() };
         let behind = Found::new("each item behind it", &behind, "sample_rate_error", drifted_ppm);
         found.push(behind.with_share("what the crystal drifts since", 1.0));
         found

@@ -16,8 +16,8 @@ fn spoil(captures: &[Capture], every: usize, with: impl Fn(&mut ImuSample)) -> V
     captures
 }
 
-fn share(measured: &[(String, Value)], name: &str) -> f64 {
-    match measured.iter().find(|(measured, _)| measured == name) {
+fn share(measured: &[(&'static str, Value)], name: &str) -> f64 {
+    match measured.iter().find(|(measured, _)| *measured == name) {
         Some((_, Value::Number(quantity))) => quantity.number,
         other => panic!("{name} is {other:?}"),
     }

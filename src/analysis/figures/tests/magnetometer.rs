@@ -77,7 +77,7 @@ fn the_ellipse_is_found_and_corrected() {
     let printed = &found.details["spins"][0]["as_printed"];
     let second = printed["roll_harmonics_deg"][1].as_f64().unwrap();
     assert!(second > 5.0 * roll("roll_error_2"), "{printed}");
-    assert!(matches!(found.value("lag"), Some(Value::NotAvailable(_))));
+    assert!(matches!(value_of(&found, "lag"), Some(Value::NotAvailable(_))));
     // The points kept for the picture lie on the true circle after the true correction.
     for field in found.details["field"].as_array().unwrap() {
         let numbers =
@@ -107,7 +107,7 @@ fn skew_is_no_alpha() {
     let apparent = |k: usize| found.details["spins"][k]["alpha_deg"].as_f64().unwrap();
     assert!((apparent(0) - PLANE.alpha_deg + 0.54).abs() < 0.01, "{}", apparent(0));
     let alone = ask(ItemId::MagnetometerEllipse, "senses = [\"+\"]", &spins[..1], &[]).unwrap();
-    assert!(matches!(alone.value("skew"), Some(Value::NotAvailable(_))));
+    assert!(matches!(value_of(&alone, "skew"), Some(Value::NotAvailable(_))));
     assert!(alone.details["label"].as_str().unwrap().contains("skew in it"));
 }
 

@@ -25,12 +25,12 @@ fn gyro_bias_is_free_of_the_earth() {
     // Without a heading the horizontal part stays, and the figure's label says so.
     let unknown = ask(ItemId::GyroBias, &format!("{text}, heading = \"unknown\""), &captures, &earlier).unwrap();
     assert!(figure(&unknown, "bias_x").2.expanded().unwrap() > 12.0);
-    assert!(matches!(unknown.value("label"), Some(Value::Text(text)) if text.contains("horizontal")));
+    assert!(matches!(value_of(&unknown, "label"), Some(Value::Text(text)) if text.contains("horizontal")));
     let nowhere = params(ItemId::GyroBias, text);
     let question = AnalysisInput { params: &nowhere, site: None, captures: &captures, earlier: &earlier };
     let nowhere = analyse(ItemId::GyroBias, &question).unwrap();
     assert!((figure(&nowhere, "bias_z").0 - 8.45).abs() < 4.0);
-    assert!(matches!(nowhere.value("label"), Some(Value::Text(text)) if text.contains("15.04")));
+    assert!(matches!(value_of(&nowhere, "label"), Some(Value::Text(text)) if text.contains("15.04")));
 }
 
 /// A table that is 1 mrad off level cancels, and a coupling of 1e-3 from Z to Y does so too.
@@ -226,8 +226,8 @@ fn noise_is_found_over_time_and_frequency() {
     let walk = figure(&found, "velocity_random_walk_z").0;
     assert!((walk / 0.058_84 - 1.0).abs() < 0.03, "{walk}");
     // White noise has no flat part: the record gives no bias instability, but a bound that is labelled as a bound.
-    assert!(matches!(found.value("bias_instability_gyro_x"), Some(Value::NotAvailable(_))));
-    assert!(matches!(found.value("bias_instability_bound_gyro_x"), Some(Value::Number(_))));
+    assert!(matches!(value_of(&found, "bias_instability_gyro_x"), Some(Value::NotAvailable(_))));
+    assert!(matches!(value_of(&found, "bias_instability_bound_gyro_x"), Some(Value::Number(_))));
     let text = format!("{text}, segment = 1024");
     let found = ask(ItemId::Psd, &text, &captures, &earlier).unwrap();
     complete(ItemId::Psd, &params(ItemId::Psd, &text), &found);
@@ -243,7 +243,7 @@ fn noise_is_found_over_time_and_frequency() {
         sample.accel[0] += ((k as f64 * 3.0 / 20.0 * std::f64::consts::TAU).sin() * 60.0).round() as i32;
     }
     let found = ask(ItemId::Psd, &text, &shaken, &earlier).unwrap();
-    let Some(Value::Number(line)) = found.value("line_accel_x") else { panic!("no line") };
+    let Some(Value::Number(line)) = value_of(&found, "line_accel_x") else { panic!("no line") };
     assert!(line.number > 30.0, "{line}");
     let at = found.details["spectra"]["accel_x"]["strongest_line"]["frequency_hz"].as_f64().unwrap();
     assert!((at - 3.0).abs() < 0.05 && GRAVITY > 9.0, "{at}");

@@ -28,9 +28,9 @@ fn position_velocity_and_pulses() {
     near("velocity_horizontal", 0.05 * 2.0_f64.sqrt(), 0.1);
     // Two edges of 20 ns, and two steps of 10 ns: sqrt(2 (400 + 8.3)).
     near("pps_jitter", 28.6, 0.1);
-    assert!(matches!(found.value("pps_accuracy"), Some(Value::NotAvailable(why)) if why.contains("not measured")));
-    assert!(matches!(found.value("velocity_height"), Some(Value::NotAvailable(_))));
-    assert!(matches!(found.value("effective_epochs"), Some(Value::Number(count)) if count.number > 900.0));
+    assert!(matches!(value_of(&found, "pps_accuracy"), Some(Value::NotAvailable(why)) if why.contains("not measured")));
+    assert!(matches!(value_of(&found, "velocity_height"), Some(Value::NotAvailable(_))));
+    assert!(matches!(value_of(&found, "effective_epochs"), Some(Value::Number(count)) if count.number > 900.0));
 }
 
 /// Nine tenths of each error come from the epoch before, so an epoch counts as about a tenth in a deviation.
@@ -38,7 +38,7 @@ fn position_velocity_and_pulses() {
 fn correlated_epochs_count_as_what_they_are_worth() {
     let sky = [listened(1200, [2.0, 3.0, 5.0], 0.9, 42)];
     let found = ask(ItemId::GnssAccuracy, "", &sky, &[]).unwrap();
-    let Some(Value::Number(worth)) = found.value("effective_epochs") else { panic!("no count") };
+    let Some(Value::Number(worth)) = value_of(&found, "effective_epochs") else { panic!("no count") };
     // n (1 - rho^2) / (1 + rho^2) = 126.
     assert!((60.0..260.0).contains(&worth.number), "{worth}");
     let (value, _, known) = figure(&found, "position_horizontal");
@@ -66,10 +66,10 @@ fn without_geoid_separation_there_is_no_height() {
         said.bytes = bodies.map(|body| sentence(&body)).collect::<String>().into_bytes();
     }
     let found = ask(ItemId::GnssAccuracy, "", &[sky], &[]).unwrap();
-    let why = match found.value("position_height") {
+    let why = match value_of(&found, "position_height") {
         Some(Value::NotAvailable(why)) => why.clone(),
         other => panic!("{other:?}"),
     };
     assert!(why.contains("no geoid separation"), "{why}");
-    assert!(matches!(found.value("position_horizontal"), Some(Value::Estimate(..))));
+    assert!(matches!(value_of(&found, "position_horizontal"), Some(Value::Estimate(..))));
 }

@@ -1,10 +1,10 @@
 //! Captures the bytes of the satellite receiver and its pulses.
 
 use gnc_analysis::capture::{Capture, CaptureHead, HostView, ReceiverCapture, Said, Timing};
-use gnc_board::stream::Stream;
+use gnc_board::stream::{SampleFrame, Stream};
 use gnc_nmea::Sentences;
 use gnc_protocol::message::StreamStart;
-use gnc_protocol::stream::{Losses, PpsCapture, StreamFrame, StreamId};
+use gnc_protocol::stream::{Losses, PpsCapture, StreamId};
 use gnc_protocol::wire::{FieldReader, Wire as _};
 use gnc_records::raw::Piece;
 
@@ -80,7 +80,7 @@ impl Ear {
         loop {
             let now_us = tokio::select! {
                 frame = bytes.next() => match frame? {
-                    Some(frame) => self.said(capture, &frame).await?,
+                    Some(frame) => self.said(capture, frame).await?,
                     // The receiver is mute while the board's clock goes on.
                     None => bytes.board_time_us(),
                 },
@@ -106,8 +106,8 @@ impl Ear {
         }
     }
 
-    async fn said(&mut self, capture: &mut ProgramCapture<'_>, frame: &StreamFrame) -> Result<u64, ProcedureError> {
-        let (board_time_us, bytes) = (frame.head.board_time_us, frame.samples.to_vec());
+    async fn said(&mut self, capture: &mut ProgramCapture<'_>, frame: SampleFrame) -> Result<u64, ProcedureError> {
+        let (board_time_us, bytes) = (frame.head.board_time_us, frame.samples.into_vec());
         if self.sentences.push(&bytes).iter().any(gnc_nmea::Epoch::has_fix) {
             self.fixed_us.get_or_insert(board_time_us);
         }
@@ -116,7 +116,7 @@ impl Ear {
         Ok(board_time_us)
     }
 
-    async fn pulsed(&mut self, capture: &mut ProgramCapture<'_>, frame: &StreamFrame) -> Result<(), ProcedureError> {
+    async fn pulsed(&mut self, capture: &mut ProgramCapture<'_>, frame: &SampleFrame) -> Result<(), ProcedureError> {
         let mut reader = FieldReader::new(&frame.samples);
         let edges_ns = (0..frame.head.count)
             .map(|_| PpsCapture::get(&mut reader).map(|capture| capture.board_time_ns))

@@ -85,7 +85,7 @@ async fn board_clock(heard: &Heard, recorder: &Recorder<'_>) -> Result<(), Proce
     };
     match clock {
         Ok(clock) => {
-            let measured = vec![(BOARD_CLOCK_ERROR.name.to_owned(), clock.value(0.95))];
+            let measured = vec![(BOARD_CLOCK_ERROR.name, clock.value(0.95))];
             Ok(recorder.found(Findings { measured, details: clock.details() }).await?)
         }
         Err(why) => Ok(recorder.not_available(&BOARD_CLOCK_ERROR, &why).await?),

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use gnc_bench::service::CheckedPlan;
+use gnc_executive::catalogue::processor::PART;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
 
@@ -89,7 +90,7 @@ pub(super) fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
 fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanView), CommandRefusal> {
     let checked = files::plan(path)?;
     let plan = checked.plan();
-    let part = plan.items().iter().find_map(|item| match item.limit("part") {
+    let part = plan.items().iter().find_map(|item| match item.limit(PART.name) {
         Some(Limit::Text(text)) => Some(text.resolve("").to_owned()),
         _ => None,
     });

@@ -1,6 +1,7 @@
 //! Panels of the tests page: the product, the times of the run, the verdict, mistakes of a plan.
 
 use gnc_executive::catalogue::ItemId;
+use gnc_executive::catalogue::processor::PART;
 use gnc_executive::event::StopHow;
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
@@ -92,7 +93,7 @@ fn part(model: &ScreenModel) -> String {
 
 fn measured_part(state: &RunState) -> Option<String> {
     let row = state.rows().iter().find(|row| row.planned.id == ItemId::Identity)?;
-    let measured = row.attempts.last()?.measurements.iter().find(|measurement| measurement.name == "part")?;
+    let measured = row.attempts.last()?.measurements.iter().find(|measurement| measurement.name == PART.name)?;
     Some(measured.value_text())
 }
 
