@@ -2,22 +2,21 @@
 
 mod absent;
 mod heard;
+mod watchdog;
 
 use std::collections::VecDeque;
-use std::future::{Future as _, poll_fn};
-use std::pin::pin;
-use std::task::Poll;
 use std::time::Duration;
 
 use gnc_link::{Link, NoFrame};
-use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe, event};
+use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe};
 use gnc_protocol::serial::LineCounters;
 use gnc_protocol::slave::{KEPT_RESULTS, MAX_RUNNING};
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::Wire as _;
 use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload, timing};
 use tokio::sync::{mpsc, oneshot, watch};
-use tokio::time::{Instant, sleep_until};
+use tokio::time::Instant;
+use watchdog::until;
 
 use super::{Advance, BoardError, BoardTime, LinkAbsence, Readings};
 use crate::latest::Latest;
@@ -176,13 +175,6 @@ pub(super) struct Session {
     gauges: Gauges,
 }
 
-/// Waits until a moment, and looks at the clock itself at every poll. A runtime that is busy with samples looks at its
-/// timers only once in hundreds of polls. On a busy computer that takes longer than the board's watchdog waits.
-async fn until(due: Instant) {
-    let mut timer = pin!(sleep_until(due));
-    poll_fn(|context| if Instant::now() >= due { Poll::Ready(()) } else { timer.as_mut().poll(context) }).await;
-}
-
 impl Session {
     pub(super) fn new(
         link: Link,
@@ -338,12 +330,7 @@ impl Session {
         }
         self.greet_again(now);
         self.ask_again(now);
-        if now >= self.keep_alive_due {
-            self.keep_alive_due = now + timing::KEEP_ALIVE_EVERY;
-            if self.session.is_some() {
-                self.send(Kind::Event, Flags::default(), 0, event::KEEP_ALIVE, &Payload::new());
-            }
-        }
+        self.keep_alive(now);
     }
 
     fn silent(&mut self, now: Instant) {

@@ -62,19 +62,6 @@ impl Outcome {
         outcomes.into_iter().filter(|outcome| outcome.severity() > 0).max_by_key(|outcome| outcome.severity())
     }
 
-    /// The status with which a program ends: 0 passed or marginal, 1 failed, 3 errored, 4 aborted.
-    ///
-    /// 2 is for usage errors and refused plans. A run that is skipped or not run as a whole says nothing about the
-    /// module, so it ends like an errored one.
-    pub fn exit_code(self) -> u8 {
-        match self {
-            Outcome::Passed | Outcome::Marginal => 0,
-            Outcome::Failed => 1,
-            Outcome::Errored | Outcome::Skipped | Outcome::NotRun => 3,
-            Outcome::Aborted => 4,
-        }
-    }
-
     fn severity(self) -> u8 {
         match self {
             Outcome::Skipped | Outcome::NotRun => 0,
@@ -220,12 +207,6 @@ mod tests {
         assert_eq!(run(&[]), Errored);
         assert_eq!(run(&[(Skipped, true), (NotRun, true)]), Errored);
         assert_eq!(run_outcome([ItemEnd { outcome: Passed, dispensable: false }], true), Aborted);
-    }
-
-    #[test]
-    fn exit_codes_leave_two_to_usage() {
-        let codes: Vec<u8> = Outcome::ALL.iter().map(|outcome| outcome.exit_code()).collect();
-        assert_eq!(codes, [0, 0, 1, 3, 4, 3, 3]);
     }
 
     #[test]

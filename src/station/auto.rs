@@ -23,7 +23,7 @@ use gnc_text::with_causes;
 use crate::args::RunArgs;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::setup::{self, Setup};
-use crate::{files, records, serial_number};
+use crate::{exit_code, files, records, serial_number};
 use face::Face;
 
 /// Largest number of events that wait for a blocked terminal: more than any plan yields in a day.
@@ -42,7 +42,7 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
             // The thread that reads answers may wait for a line for ever.
             runtime.shutdown_background();
             match outcome {
-                Ok(outcome) => ExitCode::from(outcome.exit_code()),
+                Ok(outcome) => exit_code::of(outcome),
                 Err(refusal) => refuse(refusal.what, &refusal.try_this),
             }
         }

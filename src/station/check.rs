@@ -8,7 +8,8 @@ use gnc_analysis::motion;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::plan::Plan;
 
-use crate::refusal::{CommandRefusal, USAGE, refuse};
+use crate::exit_code::USAGE;
+use crate::refusal::{CommandRefusal, refuse};
 use crate::{files, setup};
 
 pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCode {

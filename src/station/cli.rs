@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::args::{RecordsCommand, RunArgs};
-use crate::refusal::USAGE;
+use crate::exit_code::USAGE;
 
 const EXIT_CODES: &str = "\
 Exit codes:

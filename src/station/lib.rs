@@ -9,6 +9,7 @@ mod check;
 pub mod cli;
 mod compute;
 mod doctor;
+mod exit_code;
 mod export;
 mod files;
 mod ports;

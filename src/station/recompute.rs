@@ -17,7 +17,7 @@ use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StoreError, digest, r
 use gnc_text::{printable, with_causes};
 
 use crate::refusal::{complain, refuse};
-use crate::{files, records};
+use crate::{exit_code, files, records};
 use again::Again;
 use source::{RecordedRun, RunError};
 
@@ -90,7 +90,7 @@ fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
     }
     let _ = writeln!(out, "{}, judged by {} {}: {}", folder.display(), plan.name, plan.version, again.outcome);
     let _ = writeln!(out, "record: {}", path.display());
-    Ok(ExitCode::from(again.outcome.exit_code()))
+    Ok(exit_code::of(again.outcome))
 }
 
 /// Files the new judgement beside the run.

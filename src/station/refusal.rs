@@ -1,9 +1,8 @@
-//! Why nothing was done, for people and for the exit code.
+//! Why nothing was done, for people.
 
 use std::process::ExitCode;
 
-/// Exit code for a mistake on the command line or in a plan.
-pub(crate) const USAGE: u8 = 2;
+use crate::exit_code::USAGE;
 
 /// Why nothing was run.
 #[derive(Debug)]

@@ -37,7 +37,7 @@ use tokio::sync::{mpsc, watch};
 
 use crate::args::{OnFailArg, RunArgs};
 use crate::refusal::{CommandRefusal, complain, refuse};
-use crate::{serial_number, setup};
+use crate::{exit_code, serial_number, setup};
 use model::{AfterFailure, Loaded, RoundsSetting, ScreenModel};
 use session::{ScreenSession, Signals};
 use show::{Inbox, ScreenClock};
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
         return refuse("the screen needs a terminal", "run a plan without one: --auto PLAN --serial-number SN");
     }
     match open(args, began) {
-        Ok(outcome) => ExitCode::from(outcome.map_or(0, Outcome::exit_code)),
+        Ok(outcome) => outcome.map_or(ExitCode::SUCCESS, exit_code::of),
         Err(refusal) => refuse(refusal.what, &refusal.try_this),
     }
 }

@@ -38,6 +38,11 @@ pub(crate) const FLICKER_SHARE: f64 = 0.3;
 /// Largest share of flicker noise in the stability's variance without white noise.
 const FLICKER_OF_STABILITY: f64 = 0.5;
 
+/// White noise of one conversion of each axis, of this density, at a rate whose root is `root_of_rate`.
+pub(super) fn white_noise(density: &Vector3<f64>, root_of_rate: f64, dice: &mut Dice) -> Vector3<f64> {
+    density.map(|density| density * root_of_rate * dice.normal())
+}
+
 /// The noise of one sensor, in its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisNoise {

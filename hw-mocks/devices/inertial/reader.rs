@@ -8,6 +8,7 @@ use super::SensorModels;
 use super::bandwidth::{Filtered, LowPass};
 use super::faults::{MOST_VIBRATIONS, Vibration};
 use super::model::TriadModel;
+use super::noise::white_noise;
 use crate::noise::Dice;
 
 /// Reads the sensors at one rate, starting with its first sample.
@@ -83,7 +84,7 @@ impl Chip {
     /// The input of the converter for a sensor output `output`, with white noise of the density `white`^2.
     pub(super) fn feel(&mut self, output: &Vector3<f64>, white: &Vector3<f64>, dice: &mut Dice) -> Vector3<f64> {
         let Some(filter) = &self.filter else {
-            return Vector3::from_fn(|axis, _| output[axis] + white[axis] * self.root_of_rate * dice.normal());
+            return output + white_noise(white, self.root_of_rate, dice);
         };
         let settled = |axis| filter.settled(output[axis], white[axis], dice);
         let filtered = self.filtered.get_or_insert_with(|| [0, 1, 2].map(settled));

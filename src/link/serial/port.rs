@@ -1,4 +1,5 @@
-//! A serial port that may go away during a run: its bytes in and out, and reports of its absences.
+//! A serial port: opened for this program alone, at the rate that was asked for. It may go away during a run; the port
+//! reports its absences.
 //!
 //! A port that vanishes reads as "no more bytes" for ever. This means "device gone" and not "no data". The station
 //! opens the port again by its name, since udev gives an adapter that was plugged in again another device behind the
@@ -6,13 +7,15 @@
 
 use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use nix::errno::Errno;
 use tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, ReadHalf, WriteHalf};
+use tokio_serial::{SerialPort as _, SerialPortBuilderExt as _, SerialStream};
 use tokio_util::bytes::BytesMut;
 
-use super::{OpenError, open_stream};
+use super::OpenError;
 use crate::absence::Absence;
 use crate::memory::MemoryPort;
 
@@ -199,4 +202,75 @@ impl fmt::Display for PortLocation {
             Self::Memory(port) => port.fmt(f),
         }
     }
+}
+
+/// Opens a port as a link does, and closes it again.
+///
+/// # Errors
+/// [`OpenError`].
+pub fn try_open(port: &Path, rate_baud: u32) -> Result<(), OpenError> {
+    let port_path = port.to_string_lossy();
+    let stream =
+        serialport::TTYPort::open(&tokio_serial::new(port_path, rate_baud)).map_err(|source| explain(port, source))?;
+    match serialport::SerialPort::baud_rate(&stream).map_err(|source| explain(port, source))? {
+        got if got == rate_baud => Ok(()),
+        got => Err(OpenError::Rate { port: port.to_owned(), wanted: rate_baud, got }),
+    }
+}
+
+/// Opens the port for this program alone, and checks the rate that the driver chose.
+fn open_stream(port: &Path, rate_baud: u32) -> Result<SerialStream, OpenError> {
+    let stream = tokio_serial::new(port.to_string_lossy(), rate_baud)
+        .open_native_async()
+        .map_err(|source| explain(port, source))?;
+    let got = stream.baud_rate().map_err(|source| explain(port, source))?;
+    if got != rate_baud {
+        return Err(OpenError::Rate { port: port.to_owned(), wanted: rate_baud, got });
+    }
+    Ok(stream)
+}
+
+fn explain(port: &Path, source: tokio_serial::Error) -> OpenError {
+    use tokio_serial::ErrorKind;
+    let port = port.to_owned();
+    match source.kind() {
+        ErrorKind::Io(io::ErrorKind::NotFound) => OpenError::Missing { port },
+        ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError::Denied { port },
+        ErrorKind::Io(io::ErrorKind::ResourceBusy | io::ErrorKind::WouldBlock) => busy(port),
+        ErrorKind::NoDevice => match std::fs::metadata(&port) {
+            Err(_) => OpenError::Missing { port },
+            Ok(_) => busy(port),
+        },
+        // The crate keeps no error number, only the text of the error.
+        _ if source.description == Errno::ENOTTY.desc()
+            || std::fs::metadata(&port).is_ok_and(|meta| !is_device(&meta)) =>
+        {
+            OpenError::NotAPort { port }
+        }
+        _ => OpenError::System { port, source },
+    }
+}
+
+fn busy(port: PathBuf) -> OpenError {
+    let holder = holder(&port);
+    OpenError::Busy { port, holder }
+}
+
+/// Name and number of the process that has locked the port, from the kernel's list of locks.
+fn holder(port: &Path) -> Option<String> {
+    use std::os::unix::fs::MetadataExt as _;
+    let file = std::fs::metadata(port).ok()?;
+    let (major, minor) = (nix::sys::stat::major(file.dev()), nix::sys::stat::minor(file.dev()));
+    let wanted = format!("{major:02x}:{minor:02x}:{}", file.ino());
+    let locks = std::fs::read_to_string("/proc/locks").ok()?;
+    // A line looks like this: 1: FLOCK  ADVISORY  WRITE 1234 00:16:3 0 EOF
+    let holds = |line: &&str| line.contains(" FLOCK ") && line.split_whitespace().any(|word| word == wanted);
+    let number = locks.lines().find(holds)?.split_whitespace().nth(4)?;
+    let name = std::fs::read_to_string(format!("/proc/{number}/comm")).unwrap_or_default();
+    Some(format!("{} (process {number})", gnc_text::printable(name.trim())))
+}
+
+fn is_device(meta: &std::fs::Metadata) -> bool {
+    use std::os::unix::fs::FileTypeExt as _;
+    meta.file_type().is_char_device()
 }
