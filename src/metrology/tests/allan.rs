@@ -8,11 +8,14 @@
     reason = "a test may end with a panic and says what it saw"
 )]
 
+#[path = "long/long.rs"]
+mod long;
 #[path = "truth/truth.rs"]
 mod truth;
 
 use gnc_metrology::allan::{Coefficient, DeviationKind, Input, MissingCoefficient, PowerLawNoise, Taus, analyse};
 use gnc_metrology::{Refusal, psd};
+use long::records;
 use truth::noise::{Coverage, LowPass, SENSORS, Sensor};
 use truth::{Dice, chi_square};
 
@@ -198,12 +201,11 @@ const FLICKER: Source = Source {
     },
 };
 
-/// The 68.3 % intervals of white, flicker and random-walk noise cover the truth. Pooled over records. The tolerance of
-/// 6 % is four standard deviations of a coverage over 1000 records, and includes the error of the chi-square
+/// The 68.3 % intervals of white, flicker and random-walk noise cover the truth. Pooled over records. The tolerance is
+/// four standard deviations of the coverage, 6 % over 1000 records, and includes the error of the chi-square
 /// approximation itself.
 fn intervals_cover(source: &Source, name: &str) {
     const SEED: u64 = 3;
-    const RECORDS: usize = 1000;
     const KINDS: [DeviationKind; 6] = [
         DeviationKind::Oadev,
         DeviationKind::Adev,
@@ -213,13 +215,15 @@ fn intervals_cover(source: &Source, name: &str) {
         DeviationKind::Ohdev,
     ];
     const FACTORS: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
+    let records = records(250, 1000);
+    let tolerance = 0.06 * (1000.0 / records as f64).sqrt();
     println!("seed {SEED}");
     let taus = Taus::Seconds(FACTORS.map(|m| m as f64).to_vec());
     let mut dice = Dice::new(SEED);
     let mut covered = [[0_usize; FACTORS.len()]; KINDS.len()];
     let truths = KINDS.map(|kind| FACTORS.map(|m| (source.variance)(&weights(kind, m)).sqrt()));
     let mut named = [0_usize; FACTORS.len()];
-    for _ in 0..RECORDS {
+    for _ in 0..records {
         let values = (source.make)(1024, &mut dice);
         for ((covered, truths), kind) in covered.iter_mut().zip(truths).zip(KINDS) {
             let points = analyse(&values, Input::Rate, 1.0, kind, &taus, 1).unwrap().points;
@@ -229,16 +233,16 @@ fn intervals_cover(source: &Source, name: &str) {
             }
         }
     }
-    KINDS.iter().zip(covered).for_each(|(kind, covered)| println!("{name} {kind:?}: covered {covered:?} of {RECORDS}"));
+    KINDS.iter().zip(covered).for_each(|(kind, covered)| println!("{name} {kind:?}: covered {covered:?} of {records}"));
     println!("{name}: named {named:?}");
     // The check begins at 2 samples, where the simulated walk is a walk.
     for (covered, kind) in covered.iter().zip(KINDS) {
         for (covered, m) in covered.iter().zip(FACTORS).skip(1) {
-            let share = *covered as f64 / RECORDS as f64;
-            assert!((share - 0.683).abs() < 0.06, "{name} {kind:?} at {m}: {share}");
+            let share = *covered as f64 / records as f64;
+            assert!((share - 0.683).abs() < tolerance, "{name} {kind:?} at {m}: {share}");
         }
     }
-    assert!(named[1] > 8 * RECORDS / 10, "{name}: {named:?}");
+    assert!(named[1] > 8 * records / 10, "{name}: {named:?}");
 }
 
 #[test]
@@ -372,11 +376,10 @@ fn simulated_flicker_has_the_flat_part_of_its_coefficient() {
 /// the short form of `cargo bench -p gnc-metrology --bench truth -- allan`.
 fn covers(names: &[&str]) {
     const SEED: u64 = 41;
-    const RECORDS: usize = 200;
     println!("seed {SEED}");
     for name in names {
         let sensor = SENSORS.iter().find(|s| s.name == *name).unwrap();
-        let coverage = Coverage::run(sensor, RECORDS, SEED);
+        let coverage = Coverage::run(sensor, records(100, 200), SEED);
         println!("{}", coverage.line());
         assert_eq!(coverage.failures(), Vec::<String>::new());
     }
@@ -562,19 +565,19 @@ fn coverage_of_a_chi_square() {
 #[test]
 fn white_level_beside_a_weak_flicker() {
     const SEED: u64 = 67;
-    const RECORDS: usize = 200;
+    let records = records(100, 200);
     println!("seed {SEED}");
     let mut dice = Dice::new(SEED);
     let sensor = Sensor { b: 0.03, samples: 200_000, ..Sensor::WHITE };
     let (mut level, mut above) = (0, 0);
-    for _ in 0..RECORDS {
+    for _ in 0..records {
         let found = psd::welch(&sensor.record(&mut dice), sensor.rate_hz, 512).unwrap();
         let spectrum = psd::RobustSpectrum::of_welch(&found).without_lines();
         let holds = |n: Coefficient| usize::from((n.low..=n.high).contains(&sensor.n));
         level += holds(spectrum.plateau().unwrap().n());
         above += holds(spectrum.plateau_above_flicker().unwrap().n());
     }
-    println!("covered {above} of {RECORDS}, without a rise {level}");
-    // 68.3 % of 200 are 137, 3.9 standard errors 25.7.
-    assert!((111..=162).contains(&above) && level < 111, "{above} {level}");
+    println!("covered {above} of {records}, without a rise {level}");
+    let (expected, error) = (0.683 * records as f64, 3.9 * (0.683 * 0.317 * records as f64).sqrt());
+    assert!((above as f64 - expected).abs() < error && (level as f64) < expected - error, "{above} {level}");
 }

@@ -1,23 +1,27 @@
-//! A short seeded run of spoilt records. `cargo bench -p gnc-metrology --bench contamination` does the long run.
+//! A seeded run of spoilt records. `GNC_LONG` makes it longer; `cargo bench -p gnc-metrology --bench contamination` tries
+//! a thousand of each.
 
 #![allow(clippy::print_stdout, reason = "a test says what it saw")]
 
 #[path = "contamination/contamination.rs"]
 mod contamination;
+#[path = "long/long.rs"]
+mod long;
 
 use contamination::{KINDS, Kind, METHODS, Spoil, Tally};
+use long::records;
 
 const SEED: u64 = 20_261_128;
-const RECORDS: usize = 120;
 
 fn check(name: &str) {
-    println!("seed {SEED}, {RECORDS} records each");
+    let records = records(30, 120);
+    println!("seed {SEED}, {records} records each");
     let mut broken = Vec::new();
     for method in METHODS.iter().filter(|method| method.name == name) {
         for kind in KINDS {
             let shares: &[f64] = if kind == Kind::Nothing { &[0.0] } else { &[0.001, 0.01, 0.04] };
             for share in shares {
-                let tally = Tally::run(method, Spoil { kind, share: *share }, RECORDS, SEED);
+                let tally = Tally::run(method, Spoil { kind, share: *share }, records, SEED);
                 let Tally { refused, judged, coverage, bound } = tally;
                 let line =
                     format!("{name} {kind:?} {share}: {coverage:.3} of {judged}, bound {bound:.3}, {refused} refused");
