@@ -53,7 +53,8 @@ pub struct Stream {
     id: StreamId,
     frames: mpsc::Receiver<Result<SampleFrame, BoardError>>,
     board_time: Follower<BoardTime>,
-    seen_us: u64,
+    /// Board time of the newest frame; before the first frame that of the first heartbeat since the stream began.
+    seen_us: Option<u64>,
     /// Board time of the last heartbeat, and when that value came first.
     beat_us: Option<(u64, Instant)>,
     losses: Losses,
@@ -101,7 +102,7 @@ impl Stream {
         frames: mpsc::Receiver<Result<SampleFrame, BoardError>>,
         board_time: Follower<BoardTime>,
     ) -> Self {
-        Self { id, frames, board_time, seen_us: 0, beat_us: None, losses: Losses::default() }
+        Self { id, frames, board_time, seen_us: None, beat_us: None, losses: Losses::default() }
     }
 
     /// Which stream.
@@ -119,18 +120,18 @@ impl Stream {
     /// The board's clock, as far as it is known.
     #[must_use]
     pub fn board_time_us(&self) -> u64 {
-        self.board_time.now().board_time_us.max(self.seen_us)
+        self.board_time.now().board_time_us.max(self.seen_us.unwrap_or(0))
     }
 
     /// The next frame. `None` if the board's clock went on for two seconds without a frame, or stands still. Frames and
     /// heartbeats come over the same line in order, so a frame sent before a heartbeat has come or is lost.
     ///
+    /// Before the first frame the two seconds begin at a heartbeat. The heartbeat before the stream does not tell when it
+    /// began: a simulated board at ten times the speed has gone on by up to ten seconds since.
+    ///
     /// # Errors
     /// The reason for which the conversation ended, if it did.
     pub async fn next(&mut self) -> Result<Option<SampleFrame>, BoardError> {
-        if self.seen_us == 0 {
-            self.seen_us = self.board_time.now().board_time_us;
-        }
         loop {
             tokio::select! {
                 biased;
@@ -142,8 +143,9 @@ impl Stream {
                 beat = self.board_time.changed() => {
                     let now_us = beat.ok_or_else(gone)?.board_time_us;
                     let stands = self.stands(now_us);
-                    if (stands || now_us > self.seen_us.saturating_add(BEHIND_US)) && self.frames.is_empty() {
-                        self.seen_us = now_us;
+                    let seen_us = *self.seen_us.get_or_insert(now_us);
+                    if (stands || now_us > seen_us.saturating_add(BEHIND_US)) && self.frames.is_empty() {
+                        self.seen_us = Some(now_us);
                         return Ok(None);
                     }
                 }
@@ -196,12 +198,14 @@ impl Stream {
         self.losses.on_board = self.losses.on_board.saturating_add(on_board);
         self.losses.on_line = self.losses.on_line.saturating_add(missing - on_board);
         self.losses.received = self.losses.received.saturating_add(head.count.into());
-        self.seen_us = head.board_time_us;
+        self.seen_us = Some(head.board_time_us);
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use futures_util::FutureExt as _;
+
     use super::*;
     use crate::latest::Latest;
 
@@ -220,6 +224,30 @@ mod tests {
         }
         assert_eq!(stream.losses(), Losses { received: 30, on_board: 5, on_line: 10 });
     }
+
+    /// Heartbeats of a board at ten times the speed are ten seconds of its clock apart. One that comes before the first
+    /// frame is no end of the stream; two without a frame are.
+    #[tokio::test]
+    async fn a_heartbeat_before_the_first_frame_ends_no_stream() {
+        let beat = |seconds: u64| move |time: &mut BoardTime| time.board_time_us = seconds * 1_000_000;
+        let clock = Latest::new(BoardTime::default());
+        clock.change(beat(100));
+        let (sender, frames) = mpsc::channel(1);
+        let mut stream = Stream::new(StreamId::Imu, frames, clock.follower());
+        assert!(stream.next().now_or_never().is_none(), "no frame yet");
+        clock.change(beat(110));
+        assert!(stream.next().now_or_never().is_none(), "the stream may have begun a moment ago");
+        sender.try_send(Ok(SampleFrame { head: head(0, 10, 0), samples: Box::default() })).unwrap();
+        assert!(stream.next().await.unwrap().is_some());
+
+        let (_sender, frames) = mpsc::channel(1);
+        let mut silent = Stream::new(StreamId::Imu, frames, clock.follower());
+        clock.change(beat(120));
+        assert!(silent.next().now_or_never().is_none());
+        clock.change(beat(130));
+        assert!(silent.next().await.unwrap().is_none());
+    }
+
     /// Doubled and overtaken frames are not new data; frames of a stream's next run are.
     #[test]
     fn only_what_is_new_is_admitted() {
