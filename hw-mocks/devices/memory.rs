@@ -76,10 +76,16 @@ impl Memory {
         self.cells.len() as u32
     }
 
+    /// The word that arrives on the data lines.
+    #[inline]
+    fn on_lines(&self, value: u32) -> u32 {
+        (value | self.forced_high) & !self.forced_low
+    }
+
     /// Writes a word through the lines.
     #[inline]
     pub(crate) fn write(&mut self, index: u32, value: u32) {
-        let value = (value & self.mask | self.forced_high) & !self.forced_low;
+        let value = self.on_lines(value & self.mask);
         if self.plain {
             self.cells[index as usize] = value;
         } else {
@@ -92,7 +98,26 @@ impl Memory {
     #[inline]
     pub(crate) fn read(&self, index: u32) -> u32 {
         let index = if self.plain { index } else { self.decode(index) };
-        (self.cells[index as usize] | self.forced_high) & !self.forced_low
+        self.on_lines(self.cells[index as usize])
+    }
+
+    /// Writes a range of words of a plain memory.
+    fn fill(&mut self, words: Range<u32>, value: Value) {
+        let (mask, width, high, low) = (self.mask, self.width, self.forced_high, self.forced_low);
+        let cells = &mut self.cells[words.start as usize..words.end as usize];
+        for (cell, index) in cells.iter_mut().zip(words) {
+            *cell = (word(value, index, width) & mask | high) & !low;
+        }
+    }
+
+    /// Whether a range of words of a plain memory reads as it should.
+    fn holds(&self, words: Range<u32>, value: Value) -> bool {
+        let cells = &self.cells[words.start as usize..words.end as usize];
+        // Without an early end the processor compares several words at once.
+        let differing = cells.iter().zip(words).fold(0, |differing, (cell, index)| {
+            differing | (self.on_lines(*cell) ^ (word(value, index, self.width) & self.mask))
+        });
+        differing == 0
     }
 
     /// The address that the faulty address lines select.
@@ -230,16 +255,10 @@ impl PatternRun {
         while left > 0 && !self.is_done() {
             let element = self.elements[self.element];
             let end = memory.words().min(self.step.saturating_add(left));
-            let steps = self.step..end;
-            match *element.operations {
-                [one] => self.pass(memory, element.down, steps, |run, memory, index| {
-                    run.carry_out(one, memory, index);
-                }),
-                [one, other] => self.pass(memory, element.down, steps, |run, memory, index| {
-                    run.carry_out(one, memory, index);
-                    run.carry_out(other, memory, index);
-                }),
-                _ => {}
+            if memory.plain {
+                self.pass_plain(memory, element, self.step..end);
+            } else {
+                self.pass(memory, element.down, self.step..end, element.operations);
             }
             accesses += u64::from(end - self.step) * element.operations.len() as u64;
             left -= end - self.step;
@@ -252,18 +271,27 @@ impl PatternRun {
         accesses
     }
 
-    /// Processes a range of words. Everything that does not change from word to word is outside the loop.
-    #[inline]
-    fn pass(
-        &mut self,
-        memory: &mut Memory,
-        down: bool,
-        steps: Range<u32>,
-        mut each: impl FnMut(&mut Self, &mut Memory, u32),
-    ) {
+    /// Processes a range of words, word by word.
+    fn pass(&mut self, memory: &mut Memory, down: bool, steps: Range<u32>, operations: &[Operation]) {
         let last = memory.words() - 1;
         for step in steps {
-            each(self, memory, if down { last - step } else { step });
+            let index = if down { last - step } else { step };
+            for operation in operations {
+                self.carry_out(*operation, memory, index);
+            }
+        }
+    }
+
+    /// Processes a range of words of a memory in which no word touches another: one operation on all words, then the
+    /// next operation. Only a range with a mismatch is read word by word.
+    fn pass_plain(&mut self, memory: &mut Memory, element: Element, steps: Range<u32>) {
+        let words = if element.down { memory.words() - steps.end..memory.words() - steps.start } else { steps.clone() };
+        for operation in element.operations {
+            match *operation {
+                Operation::Write(value) => memory.fill(words.clone(), value),
+                Operation::Read(value) if memory.holds(words.clone(), value) => {}
+                Operation::Read(_) => self.pass(memory, element.down, steps.clone(), &[*operation]),
+            }
         }
     }
 
@@ -300,5 +328,46 @@ fn word(value: Value, index: u32, width: u32) -> u32 {
         Value::Walking => 1 << (index & (width - 1)),
         Value::Index => index,
         Value::NotIndex => !index,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::{Dice, RandomStream};
+
+    const PATTERNS: [RamPattern; 5] =
+        [RamPattern::Solid, RamPattern::Checkerboard, RamPattern::WalkingOnes, RamPattern::Address, RamPattern::MarchC];
+
+    /// Runs a pattern in pieces of random size. After each piece a cell changes its content.
+    fn result(faults: MemoryFaults, pattern: RamPattern, width: u32, seed: u64) -> (MismatchReply, Vec<u32>) {
+        let mut dice = Dice::new(seed, RandomStream::Line);
+        let mut memory = Memory::new(3000, width, faults, || 0x1234_5678);
+        let mut run = PatternRun::new(pattern);
+        while !run.is_done() {
+            run.run(&mut memory, 1 + dice.word() % 700);
+            if dice.word().is_multiple_of(4) {
+                let (cell, bit) = (dice.word() % 3000, dice.word() % width);
+                memory.cells[cell as usize] ^= 1 << bit;
+            }
+        }
+        (run.reply().clone(), memory.cells)
+    }
+
+    /// A coupling whose aggressor does not exist changes nothing but the way: word by word.
+    #[test]
+    fn a_plain_memory_gives_the_same_in_ranges_as_word_by_word() {
+        let word_by_word = vec![(u32::MAX, 0, 0)];
+        let mut mismatches = 0;
+        for (seed, pattern) in (1..=40).flat_map(|seed| PATTERNS.map(|pattern| (seed, pattern))) {
+            for (width, stuck_data_line) in [(16, None), (32, None), (16, Some((5, true))), (32, Some((31, false)))] {
+                let faults = MemoryFaults { stuck_data_line, ..MemoryFaults::default() };
+                let slow = MemoryFaults { coupled_cells: word_by_word.clone(), ..faults.clone() };
+                let (reply, cells) = result(faults, pattern, width, seed);
+                mismatches += reply.mismatches;
+                assert!((reply, cells) == result(slow, pattern, width, seed), "seed {seed}, {pattern:?}, {width} bits");
+            }
+        }
+        assert!(mismatches > 1000, "{mismatches}");
     }
 }
