@@ -16,6 +16,7 @@ use nix::sys::time::TimeSpec;
 
 use crate::adapter::CanPort;
 use crate::bench::{BenchOptions, SimulatedBench, Truth};
+use crate::board::BoardPort;
 use crate::link_clock::{LOOK_EVERY, LinkClock, Wait};
 use crate::port::Tty;
 use crate::turntable::TableRefusal;
@@ -88,8 +89,8 @@ pub enum Cable {
 ///
 /// # Waiting
 /// [`BenchControl::sleep`] and [`BenchControl::wait_still`] block their thread until that bench time is reached. At
-/// maximum speed they let bench time move, even without any request or stream. But bench time stands still while a port
-/// is full, so that a stream is never dropped: a caller that waits beside a running stream must read the stream on
+/// maximum speed they let bench time move, even without any request or stream. At any speed but the true one bench time
+/// stands still while the port of the session is full, so that a stream is never dropped: a caller that waits beside a running stream must read the stream on
 /// another thread.
 #[derive(Debug, Clone)]
 pub struct BenchControl {
@@ -493,6 +494,15 @@ impl Driver {
         }
     }
 
+    /// Whether the host does not take what the board says: the port of the session is there, and full. The other port
+    /// may stay full for ever, after a host that has gone.
+    fn session_is_held_up(&self, full: bool, can_full: bool) -> bool {
+        match self.bench.session_port() {
+            BoardPort::Serial => full && self.tty.is_some(),
+            BoardPort::Can => can_full,
+        }
+    }
+
     fn wait(&mut self, full: bool, can_full: bool) -> io::Result<()> {
         let now = self.clock.now();
         let until_due = self.bench.next_due(now).saturating_sub(now);
@@ -519,7 +529,8 @@ impl Driver {
         fds.extend(self.tty.as_ref().map(|tty| PollFd::new(tty.end.as_fd(), wanted)));
         match ppoll(&mut fds, Some(TimeSpec::from_duration(timeout)), None) {
             Ok(_) | Err(Errno::EINTR) => {
-                self.clock.waited(timeout, if full || can_full { Wait::Room } else { Wait::Due });
+                let wait = if self.session_is_held_up(full, can_full) { Wait::Room } else { Wait::Due };
+                self.clock.waited(timeout, wait);
             }
             Err(error) => return Err(error.into()),
         }

@@ -5,7 +5,7 @@
 //! - Time in which the bench's thread got no processor. A busy computer does not mean that the host fell silent, so the
 //!   board's watchdog does not count it. Nor does board time pass in it: at ten times the speed a third of a second
 //!   would make three seconds of samples at once, and a heartbeat ahead of them.
-//! - Time in which a port is full. Board time does not pass in it, so that a host that waits for its processor or its
+//! - Time in which the port of the session is full. Board time does not pass in it, so that a host that waits for its processor or its
 //!   disk loses no samples.
 //!
 //! The board's own signs of life go by the wall all the same, since the host counts them by the wall.

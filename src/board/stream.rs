@@ -53,8 +53,11 @@ pub struct Stream {
     id: StreamId,
     frames: mpsc::Receiver<Result<SampleFrame, BoardError>>,
     board_time: Follower<BoardTime>,
-    /// Board time of the newest frame; before the first frame that of the first heartbeat since the stream began.
+    /// Board time up to which the reader knows the stream: of its newest frame, of the heartbeat at which it was told
+    /// that there is none, or of the first heartbeat since it listens.
     seen_us: Option<u64>,
+    /// Board time of the first heartbeat or frame since it listens.
+    began_us: Option<u64>,
     /// Board time of the last heartbeat, and when that value came first.
     beat_us: Option<(u64, Instant)>,
     losses: Losses,
@@ -102,7 +105,7 @@ impl Stream {
         frames: mpsc::Receiver<Result<SampleFrame, BoardError>>,
         board_time: Follower<BoardTime>,
     ) -> Self {
-        Self { id, frames, board_time, seen_us: None, beat_us: None, losses: Losses::default() }
+        Self { id, frames, board_time, seen_us: None, began_us: None, beat_us: None, losses: Losses::default() }
     }
 
     /// Which stream.
@@ -121,6 +124,12 @@ impl Stream {
     #[must_use]
     pub fn board_time_us(&self) -> u64 {
         self.board_time.now().board_time_us.max(self.seen_us.unwrap_or(0))
+    }
+
+    /// Board time of the first sign of the board since the reader listens.
+    #[must_use]
+    pub fn began_us(&self) -> Option<u64> {
+        self.began_us
     }
 
     /// The next frame. `None` if the board's clock went on for two seconds without a frame, or stands still. Frames and
@@ -143,6 +152,7 @@ impl Stream {
                 beat = self.board_time.changed() => {
                     let now_us = beat.ok_or_else(gone)?.board_time_us;
                     let stands = self.stands(now_us);
+                    self.began_us.get_or_insert(now_us);
                     let seen_us = *self.seen_us.get_or_insert(now_us);
                     if (stands || now_us > seen_us.saturating_add(BEHIND_US)) && self.frames.is_empty() {
                         self.seen_us = Some(now_us);
@@ -199,6 +209,7 @@ impl Stream {
         self.losses.on_line = self.losses.on_line.saturating_add(missing - on_board);
         self.losses.received = self.losses.received.saturating_add(head.count.into());
         self.seen_us = Some(head.board_time_us);
+        self.began_us.get_or_insert(head.board_time_us);
     }
 }
 
@@ -246,6 +257,7 @@ mod tests {
         assert!(silent.next().now_or_never().is_none());
         clock.change(beat(130));
         assert!(silent.next().await.unwrap().is_none());
+        assert_eq!((silent.began_us(), silent.board_time_us()), (Some(120_000_000), 130_000_000));
     }
 
     /// Doubled and overtaken frames are not new data; frames of a stream's next run are.

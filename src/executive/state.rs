@@ -26,6 +26,8 @@ pub struct RunState {
     first_open: usize,
     /// Rows that have begun and not ended, in the order of their beginning. There are only as many as run at once.
     begun: Vec<u32>,
+    /// Rows that have ended and have details, in the order of the plan.
+    found: Vec<u32>,
     /// The first setup item that ended badly; it skips all tests.
     bad_setup: Option<u32>,
     /// The first test that ended badly; a plan may stop after it.
@@ -298,6 +300,11 @@ impl RunState {
         self.begun.iter().filter_map(|index| Some((*index as usize, self.rows.get(*index as usize)?)))
     }
 
+    /// Items that have ended and found details, in the order of the plan.
+    pub fn found(&self) -> impl Iterator<Item = &Row> {
+        self.found.iter().filter_map(|index| self.rows.get(*index as usize))
+    }
+
     /// Rows before this one have ended or are not selected.
     pub(crate) fn first_open(&self) -> usize {
         self.first_open
@@ -411,6 +418,12 @@ impl RunState {
                     bad.get_or_insert(index);
                 }
                 self.begun.retain(|begun| *begun as usize != index);
+                if let Ok(row) = u32::try_from(index)
+                    && self.rows[index].attempts.iter().any(|attempt| !attempt.details.is_empty())
+                    && let Err(place) = self.found.binary_search(&row)
+                {
+                    self.found.insert(place, row);
+                }
                 self.pass_closed();
             }
             EventKind::Prompted { item, text } => {

@@ -30,6 +30,7 @@ use gnc_plot::Panel;
 use gnc_text::printable;
 use thiserror::Error;
 
+use crate::exit_code::USAGE;
 use report::FigureReport;
 use table::{ReadingOptions, TableError};
 
@@ -174,7 +175,7 @@ pub(crate) fn run(args: &Args) -> ExitCode {
         Err(error) => {
             let hint = error.try_this().map(|hint| format!("  try: {hint}\n")).unwrap_or_default();
             complain(&format!("{}\n{hint}", gnc_text::with_causes(&error)));
-            ExitCode::from(2)
+            ExitCode::from(USAGE)
         }
     }
 }

@@ -99,10 +99,13 @@ impl ProgramCapture<'_> {
                 ResumeAction::Do(step) => self.carry_out(step).await?,
                 ResumeAction::Take(step) => {
                     let place = taken.iter().position(|capture| step.about() == Some(&capture.about));
-                    if let Some(place) = place {
-                        self.take_over(taken.swap_remove(place)).await?;
+                    match place {
+                        Some(place) => {
+                            self.take_over(taken.swap_remove(place)).await?;
+                            over += 1;
+                        }
+                        None => self.carry_out(step).await?,
                     }
-                    over += 1;
                 }
             }
             self.course.ended(action.step());

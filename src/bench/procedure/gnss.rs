@@ -145,7 +145,7 @@ async fn listen(
                 // The receiver is mute, while the board's clock goes on.
                 None => {
                     now_us = bytes.board_time_us();
-                    began_us.get_or_insert(now_us);
+                    began_us.get_or_insert(bytes.began_us().unwrap_or(now_us));
                 }
             }
         }

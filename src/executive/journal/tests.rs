@@ -250,3 +250,20 @@ proptest! {
         let _ = fold(&bytes);
     }
 }
+
+/// After each event: the items that have ended and have details, and no other.
+#[test]
+fn what_was_found_is_known_from_the_end_of_its_item_on() {
+    let (_, _, events) = stored();
+    let mut state = RunState::new();
+    let mut known = 0;
+    for event in events {
+        state.apply(&event).unwrap();
+        let found: Vec<&str> = state.found().map(|row| row.planned.name.as_str()).collect();
+        let rows = state.rows().iter().filter(|row| row.is_over());
+        let expected = rows.filter(|row| row.attempts.iter().any(|attempt| !attempt.details.is_empty()));
+        assert_eq!(found, expected.map(|row| row.planned.name.as_str()).collect::<Vec<_>>());
+        known = known.max(found.len());
+    }
+    assert_eq!(known, 1, "sdram");
+}

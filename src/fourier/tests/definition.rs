@@ -16,10 +16,10 @@ fn samples(length: usize) -> Vec<f64> {
     std::iter::repeat_with(next).take(length).collect()
 }
 
-/// Lengths with small factors, a prime, and a prime that needs a chirp.
+/// Lengths with small factors, small and large primes (1009 = 2^4 3^2 7 + 1), and 1019 = 2 * 509 + 1, which needs a chirp.
 #[test]
 fn transforms_are_the_sums_of_their_definition() {
-    for length in [8, 12, 31, 400, 1009] {
+    for length in [8, 12, 31, 400, 1009, 1019] {
         let values = samples(length);
         let plan = forward(length);
         let (mut input, mut output) = (values.clone(), plan.make_output_vec());

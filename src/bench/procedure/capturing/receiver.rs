@@ -82,7 +82,11 @@ impl Ear {
                 frame = bytes.next() => match frame? {
                     Some(frame) => self.said(capture, frame).await?,
                     // The receiver is mute while the board's clock goes on.
-                    None => bytes.board_time_us(),
+                    None => {
+                        let now_us = bytes.board_time_us();
+                        self.began_us.get_or_insert(bytes.began_us().unwrap_or(now_us));
+                        now_us
+                    }
                 },
                 frame = pulses.next() => {
                     if let Some(frame) = frame? {
