@@ -483,7 +483,7 @@ impl Driver {
             if bytes.is_empty() {
                 return Ok(false);
             }
-            // While the cable is out, output waits until it is thrown away, and at full speed time waits with it.
+            // While the cable is out, output waits until it is thrown away, and at full speed bench time waits with it.
             let Some(tty) = &self.tty else { return Ok(true) };
             match nix::unistd::write(&tty.end, bytes) {
                 Ok(0) | Err(Errno::EAGAIN) => return Ok(true),
