@@ -42,7 +42,7 @@ pub(crate) fn of<'a>(fixture: &'a Fixture, recorder: &'a Recorder<'a>) -> Box<dy
     }
 }
 
-/// Stops the table of a bench at once, whoever used it. A manual table has its own emergency stop.
+/// Stops a driven table at once. A manual table has its own emergency stop.
 pub(crate) fn stop_at_once(fixture: &Fixture) {
     if let Fixture::Driven(rig) = fixture {
         // If the table does not answer, the station has no other way to stop it.

@@ -223,7 +223,7 @@ impl<'w, 't> TomlTable<'w, 't> {
         self.entries().into_iter().filter(|entry| is_new(entry.key)).collect()
     }
 
-    /// Refuses the key of an entry that nobody asked for, with a better reason than that it is unknown.
+    /// Refuses the key of an entry that the reader did not ask for. The mistake gives this reason, not "unknown key".
     pub fn refuse(&self, entry: &TomlEntry<'w, 't>, what: impl Into<String>, hint: impl Into<String>) {
         entry.key_mistake(what, hint);
         self.refused.borrow_mut().insert(entry.key);
