@@ -2,6 +2,7 @@
 //! once.
 
 mod attempt;
+mod breaches;
 mod connection;
 mod error_records;
 
@@ -121,6 +122,8 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
         link_lost: Cell::new(false),
         one_by_one: Cell::new(order.one_by_one),
         unexplained_restart: Cell::new(false),
+        cannot_be_powered: Cell::new(false),
+        records_refused: Cell::new(false),
         busy: RefCell::new(HashMap::new()),
         paused_since: Cell::new(None),
         module: ModuleSeen::default(),
@@ -152,6 +155,10 @@ struct Run<'a> {
     one_by_one: Cell<bool>,
     /// The board restarted while several requests ran, and the cause was not found.
     unexplained_restart: Cell<bool>,
+    /// The board could not switch the module on: its supply is shorted, or pulls the board down.
+    cannot_be_powered: Cell<bool>,
+    /// The board refused to tell its error records, and the record says so.
+    records_refused: Cell<bool>,
     /// Board time of each item by its position, for the critical path.
     busy: RefCell<HashMap<usize, Duration>>,
     /// Time since which a pause keeps all items from running.
@@ -201,6 +208,9 @@ impl Run<'_> {
                         run the plan again with --one-by-one";
             self.note(NoteLevel::Error, text.into(), None).await?;
             outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
+        }
+        if self.cannot_be_powered.get() {
+            outcome = Outcome::worst([outcome, Outcome::Failed]).unwrap_or(outcome);
         }
         // The digests cover complete files only.
         self.journal.raw_files_ended().await;
@@ -253,6 +263,10 @@ impl Run<'_> {
                 Some(landed) = flight.next() => landed,
                 Some(absent) = board.absence(), if !flight.is_empty() => {
                     self.was_away(&absent).await?;
+                    continue;
+                }
+                breach = board.breach(), if !flight.is_empty() => {
+                    self.breached(&breach).await?;
                     continue;
                 }
                 () = self.control.resumed(), if held => continue,

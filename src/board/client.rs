@@ -8,6 +8,7 @@ use gnc_protocol::message::BoardHello;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
+use crate::breach::{Breach, Breaches, Case, NEWS, Rule};
 use crate::error::{BoardError, gone};
 use crate::latest::{Follower, Latest};
 use crate::readings::Readings;
@@ -30,6 +31,8 @@ pub struct BoardClient {
     task: JoinHandle<LinkReport>,
     pub(crate) tap: Option<Tap>,
     absences: tokio::sync::Mutex<mpsc::Receiver<LinkAbsence>>,
+    pub(crate) breaches: Breaches,
+    breach_news: tokio::sync::Mutex<mpsc::Receiver<Breach>>,
 }
 
 impl BoardClient {
@@ -46,11 +49,15 @@ impl BoardClient {
             Link::Can(link) => link.tap(),
         };
         let (absent, absences) = mpsc::channel(ABSENCES);
-        let conversation = Session::new(link, receiver, beat, readings, absent);
+        let (news, breach_news) = mpsc::channel(NEWS);
+        let breaches = Breaches::new(news);
+        let conversation = Session::new(link, receiver, beat, readings, absent, breaches.clone());
         let task = tokio::spawn(conversation.run());
         let hello = RefCell::new(BoardHello::default());
         let absences = tokio::sync::Mutex::new(absences);
-        let board = Self { commands, board_time, hello, next_request: Cell::new(1), task, tap, absences };
+        let breach_news = tokio::sync::Mutex::new(breach_news);
+        let next_request = Cell::new(1);
+        let board = Self { commands, board_time, hello, next_request, task, tap, absences, breaches, breach_news };
         board.reopen(nonce).await?;
         Ok(board)
     }
@@ -83,6 +90,26 @@ impl BoardClient {
     /// The next absence of the port or interface, once it is over; `None` after the end of the conversation.
     pub async fn absence(&self) -> Option<LinkAbsence> {
         self.absences.lock().await.recv().await
+    }
+
+    /// Waits for the next rule of the interface document that the board breaks for the first time.
+    pub async fn breach(&self) -> Breach {
+        match self.breach_news.lock().await.recv().await {
+            Some(breach) => breach,
+            // This handle keeps the sender, so this never happens.
+            None => std::future::pending().await,
+        }
+    }
+
+    /// All that the board did against the interface document so far.
+    #[must_use]
+    pub fn breaches(&self) -> Vec<Breach> {
+        self.breaches.all()
+    }
+
+    /// Keeps a breach that only the user of the board can see.
+    pub fn broke(&self, rule: &'static Rule) {
+        self.breaches.see(rule, Case::Plain);
     }
 
     /// Ends the conversation and says what the line was like.

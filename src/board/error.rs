@@ -6,6 +6,8 @@ use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::WireError;
 use gnc_protocol::{FaultCode, NakCode};
 
+use crate::breach::{Breach, Rule};
+
 /// Why the board did not do what it was asked.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BoardError {
@@ -32,7 +34,7 @@ pub enum BoardError {
         meanwhile: &'static str,
     },
     /// The board did not answer, although the station asked several times.
-    #[error("no answer from the board to {what}: asked {asked} times in {} ms", waited.as_millis())]
+    #[error("no answer from the board to {what}: asked {asked} times in {} ms{heard}", waited.as_millis())]
     NoAnswer {
         /// The request.
         what: &'static str,
@@ -40,6 +42,18 @@ pub enum BoardError {
         asked: u32,
         /// Time since it was first sent.
         waited: Duration,
+        /// What came instead.
+        heard: Heard,
+    },
+    /// The board breaks a rule of the interface document, so that a value cannot be trusted.
+    #[error("{}: {of}: {why} (interface document, section {})", rule.what, rule.section)]
+    Breach {
+        /// The rule.
+        rule: &'static Rule,
+        /// The request or stream.
+        of: &'static str,
+        /// What came.
+        why: String,
     },
     /// Bytes came, but no whole frame.
     #[error("the line carries bytes but no whole frame: {damaged} damaged frames, and no answer to {asked} HELLO")]
@@ -54,6 +68,8 @@ pub enum BoardError {
     Silent {
         /// Time since the last frame.
         silent: Duration,
+        /// Whether the link is a CAN bus.
+        on_can: bool,
     },
     /// Frames come, but no heartbeat.
     #[error("the board sends frames but no heartbeat for {} ms", silent.as_millis())]
@@ -73,7 +89,7 @@ pub enum BoardError {
         highest: u8,
     },
     /// The board restarted and has another boot id now.
-    #[error("the board restarted during {during} (boot id {before:08x} became {after:08x})")]
+    #[error("the board restarted during {during} ({})", boot_ids(*before, *after))]
     Restarted {
         /// Whether the receiver of this error had a request in flight, and not only a stream.
         asked: bool,
@@ -128,7 +144,7 @@ pub enum BoardError {
         source: WireError,
     },
     /// A stream stopped while the board's clock went on.
-    #[error("stream {stream:?} stopped after sample {last} of {wanted} while the board's clock went on")]
+    #[error("{} stopped after sample {last} of {wanted} while the board's clock went on", stream.name())]
     StreamStopped {
         /// Which.
         stream: StreamId,
@@ -143,6 +159,79 @@ pub enum BoardError {
         /// The request.
         what: &'static str,
     },
+}
+
+/// What came from the board instead of an answer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Heard {
+    /// Nothing at all.
+    Nothing {
+        /// Whether the link is a CAN bus.
+        on_can: bool,
+    },
+    /// Heartbeats.
+    Heartbeats,
+    /// The board accepted the request and then said no more of it.
+    Accepted {
+        /// Time since its last sign of the request.
+        silent: Duration,
+    },
+    /// Something that the interface document does not allow.
+    Breach(Breach),
+}
+
+impl std::fmt::Display for Heard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Nothing { .. } => f.write_str("; nothing else was heard from it"),
+            Self::Heartbeats => f.write_str("; its heartbeats come"),
+            Self::Accepted { silent } => {
+                write!(f, "; the board accepted it, and sent neither PROGRESS nor RESULT for {} ms", silent.as_millis())
+            }
+            Self::Breach(Breach { rule, worst, .. }) => {
+                write!(f, "; instead, {}", rule.what)?;
+                match worst {
+                    Some(worst) => write!(f, ": {worst} (interface document, section {})", rule.section),
+                    None => write!(f, " (interface document, section {})", rule.section),
+                }
+            }
+        }
+    }
+}
+
+impl Heard {
+    fn try_this(&self) -> &'static str {
+        match self {
+            Self::Nothing { on_can } => nothing_heard(*on_can),
+            Self::Heartbeats => {
+                "the way from the board to the station is good: check the way to the board, then how the board reads frames \
+                 (interface document, sections 3 and 6)"
+            }
+            Self::Accepted { .. } => {
+                "look where the board's firmware loses the request: it must send PROGRESS each 400 ms and a RESULT \
+                 (interface document, section 7)"
+            }
+            Self::Breach(_) => COMPARE,
+        }
+    }
+}
+
+const COMPARE: &str = "compare the board's firmware with the interface document";
+
+fn nothing_heard(on_can: bool) -> &'static str {
+    if on_can {
+        "check the board's power, the bus's termination (60 ohm between the lines), and that the interface is up at 500 kbit/s"
+    } else {
+        "check the board's power, the two pairs (A and B swapped?) and the rate"
+    }
+}
+
+fn boot_ids(before: u32, after: u32) -> String {
+    if before == after {
+        format!("its clock began anew, and its boot id stayed {before:08x}")
+    } else {
+        format!("boot id {before:08x} became {after:08x}")
+    }
 }
 
 impl BoardError {
@@ -170,9 +259,9 @@ impl BoardError {
             Self::Away { .. } | Self::Interrupted { .. } => {
                 "check the adapter's plug and cable, and the board's supply"
             }
-            Self::NoAnswer { .. } | Self::Silent { .. } => {
-                "check the board's power; RS-422: pairs (A/B swapped?) and rate; CAN: termination, and that the bus is up"
-            }
+            Self::NoAnswer { heard, .. } => heard.try_this(),
+            Self::Silent { on_can, .. } => nothing_heard(*on_can),
+            Self::Breach { .. } => COMPARE,
             Self::Version { .. } => "update the board's firmware or the station so that they share a version",
             Self::Restarted { .. } => "look at the module's current and the board's supply; run the item alone",
             Self::NoHeartbeat { .. } => {
@@ -187,13 +276,11 @@ impl BoardError {
             Self::Refused { code: NakCode::NotPowered, .. } => {
                 "check the supply and that the module sits in the socket"
             }
-            Self::Refused { .. } | Self::RefusedUnknown { .. } => {
-                "compare the board's firmware with the interface document"
-            }
+            Self::Refused { .. } | Self::RefusedUnknown { .. } => COMPARE,
             Self::Fault { .. } => {
                 "a device of the module did not work: look at the error record, then suspect that device"
             }
-            Self::BadAnswer { .. } => "compare the board's firmware with the interface document",
+            Self::BadAnswer { .. } => COMPARE,
             Self::StreamStopped { .. } => "check the line; a slower stream or a higher rate may help",
             Self::TooLong { .. } => "shorten the parameters in the plan",
         }

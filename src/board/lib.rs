@@ -5,6 +5,7 @@
 //! lost and keeps the board's watchdog quiet. The crate does not know what is tested, and it does not say whose fault a
 //! restart is.
 
+pub mod breach;
 mod client;
 mod error;
 pub mod latest;
@@ -17,7 +18,7 @@ pub mod stream;
 mod tests;
 
 pub use client::BoardClient;
-pub use error::BoardError;
+pub use error::{BoardError, Heard};
 pub use lease::BoardLease;
 pub use readings::{Readings, StreamReading};
 pub use session::{Answer, LinkReport};

@@ -1,12 +1,15 @@
 //! The host's end of the conversation: one task that owns the link.
 
 mod absent;
+mod audit;
 mod heard;
+mod possible;
 mod watchdog;
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use audit::Audit;
 use gnc_link::{Link, NoFrame};
 use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe};
 use gnc_protocol::serial::LineCounters;
@@ -19,6 +22,8 @@ use tokio::time::Instant;
 use watchdog::until;
 
 use super::{Advance, BoardError, BoardTime, LinkAbsence, Readings};
+use crate::breach::{Breach, Breaches};
+use crate::error::Heard;
 use crate::latest::Latest;
 use crate::readings::Gauges;
 use crate::stream::{AHEAD, Newest, SampleFrame};
@@ -37,6 +42,12 @@ const SILENT_AFTER: Duration = Duration::from_millis(3500);
 /// Limit without a heartbeat: six missed while other frames come. The time limits of items go by heartbeats. Without
 /// heartbeats no item would ever exceed its limit.
 const BEATLESS_AFTER: Duration = Duration::from_millis(6500);
+/// Time after the last HELLO for which the station still listens, if the board sends anything: a board that answers late
+/// is told apart from one that does not hear.
+const LATE_HELLO: Duration = Duration::from_millis(1500);
+/// A timer that is served this late shows that this computer was busy, so that the times of what came meanwhile say
+/// nothing of the board.
+const SERVED_LATE: Duration = Duration::from_millis(20);
 /// A timer that is served this late shows that this computer stalled, not that the board was silent.
 const STALLED: Duration = Duration::from_millis(250);
 /// Time after a stall to read first what came meanwhile.
@@ -84,8 +95,8 @@ pub struct Answer {
     pub body: Payload,
 }
 
-/// What the line was like.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// What the line and the board were like.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LinkReport {
     /// Frames received, damaged and missing.
     pub received: LineCounters,
@@ -98,6 +109,8 @@ pub struct LinkReport {
     /// Frames of this station that came back. They carry this station's numbers, so missing frames cannot be counted
     /// then.
     pub echoed: u32,
+    /// What the board did against the interface document.
+    pub breaches: Vec<Breach>,
 }
 
 #[derive(Debug)]
@@ -111,6 +124,14 @@ struct Pending {
     asked: u32,
     since: Instant,
     due: Instant,
+    /// Times it was sent in all, which `asked` forgets when the board shows that the request runs.
+    sent: u32,
+    /// When it was sent last.
+    sent_at: Instant,
+    /// When the board showed last that the request runs: by ACCEPT or PROGRESS.
+    runs: Option<Instant>,
+    /// Frames that the line lost before it was sent.
+    lost_before: u32,
     expected_ms: u32,
     /// Requests that ended since this one was last known to run.
     ended_since: u32,
@@ -138,6 +159,8 @@ struct Greeting {
     asked: u32,
     since: Instant,
     due: Instant,
+    /// When HELLO was sent last.
+    sent_at: Instant,
 }
 
 /// The task's state.
@@ -151,6 +174,14 @@ pub(super) struct Session {
     session: Option<(u32, u32)>,
     /// Boot id of the last session.
     last_boot_id: Option<u32>,
+    /// A heartbeat's boot id that is not the one of HELLO, until the board's HELLO tells whether it restarted.
+    other_boot_id: Option<u32>,
+    /// The boot id of the heartbeats, if it is not the one of HELLO although the board did not restart.
+    beats_as: Option<u32>,
+    /// Board time of the session's last heartbeat, in microseconds.
+    last_beat_us: Option<u64>,
+    /// The last requests that ended: their results may come again.
+    ended: VecDeque<(u16, u16)>,
     /// The board said that it knows no session, and the station has asked why.
     in_doubt: bool,
     pending: Vec<Pending>,
@@ -173,6 +204,12 @@ pub(super) struct Session {
     before: Option<LineCounters>,
     report: LinkReport,
     gauges: Gauges,
+    audit: Audit,
+    breaches: Breaches,
+    /// What came since the HELLO or the request that waits longest: for the error that says that no answer came.
+    heartbeats: u32,
+    /// Damaged frames that are no damage of the line: the board works its checksums out in another way, or prints text.
+    explained: LineCounters,
 }
 
 impl Session {
@@ -182,8 +219,10 @@ impl Session {
         board_time: Latest<BoardTime>,
         readings: watch::Sender<Readings>,
         absences: mpsc::Sender<LinkAbsence>,
+        breaches: Breaches,
     ) -> Self {
         let now = Instant::now();
+        let numbered = matches!(link, Link::Serial(_));
         Self {
             link,
             commands,
@@ -191,6 +230,10 @@ impl Session {
             greeting: None,
             session: None,
             last_boot_id: None,
+            other_boot_id: None,
+            beats_as: None,
+            last_beat_us: None,
+            ended: VecDeque::new(),
             in_doubt: false,
             pending: Vec::new(),
             streams: Vec::new(),
@@ -206,6 +249,10 @@ impl Session {
             before: None,
             report: LinkReport::default(),
             gauges: Gauges::new(readings),
+            audit: Audit::new(breaches.clone(), numbered),
+            breaches,
+            heartbeats: 0,
+            explained: LineCounters::default(),
         }
     }
 
@@ -215,9 +262,18 @@ impl Session {
             let due = self.next_due();
             let behind = self.behind();
             let reads = self.reads();
+            if !reads {
+                self.audit.was_blind(Instant::now());
+            }
             tokio::select! {
                 biased;
-                () = until(due) => self.overdue(),
+                () = until(due) => {
+                    let now = Instant::now();
+                    if now > due + SERVED_LATE {
+                        self.audit.was_blind(now);
+                    }
+                    self.overdue();
+                }
                 command = self.commands.recv() => match command {
                     Some(command) => self.command(command),
                     None => break,
@@ -228,7 +284,8 @@ impl Session {
                 received = self.link.next(reads) => match received {
                     Ok(Ok(frame)) => self.receive(&frame),
                     // The link has counted the damaged frame. The task that misses it asks again.
-                    Ok(Err(NoFrame::Damaged(_))) => {}
+                    Ok(Err(NoFrame::Damaged(error))) => self.damaged(error),
+                    Ok(Err(NoFrame::Text(text))) => self.text(text),
                     Ok(Err(NoFrame::Away)) => self.went_away(),
                     Ok(Err(NoFrame::Back { lasted })) => self.came_back(lasted),
                     Err(error) => {
@@ -240,10 +297,11 @@ impl Session {
         }
         let (counters, before) = (self.link.counters(), self.before.unwrap_or_default());
         self.report.received = LineCounters {
-            bad_checksum: counters.bad_checksum.saturating_sub(before.bad_checksum),
-            malformed: counters.malformed.saturating_sub(before.malformed),
+            bad_checksum: counters.bad_checksum.saturating_sub(before.bad_checksum + self.explained.bad_checksum),
+            malformed: counters.malformed.saturating_sub(before.malformed + self.explained.malformed),
             ..counters
         };
+        self.report.breaches = self.breaches.all();
         self.link.close().await;
         self.report
     }
@@ -287,7 +345,8 @@ impl Session {
         match command {
             SessionCommand::Hello { nonce, answer } => {
                 self.session = None;
-                self.greeting = Some(Greeting { nonce, answer, asked: 0, since: now, due: now });
+                self.heartbeats = 0;
+                self.greeting = Some(Greeting { nonce, answer, asked: 0, since: now, due: now, sent_at: now });
             }
             SessionCommand::Ask { request, message, what, payload, answer, advance } => {
                 if self.session.is_none() {
@@ -304,6 +363,10 @@ impl Session {
                     asked: 0,
                     since: now,
                     due: now,
+                    sent: 0,
+                    sent_at: now,
+                    runs: None,
+                    lost_before: 0,
                     expected_ms: 0,
                     ended_since: 0,
                     inquiry: false,
@@ -342,7 +405,7 @@ impl Session {
         self.session = None;
         let silent = now - self.beat.min(self.heard);
         let error = match now - self.heard >= SILENT_AFTER {
-            true => BoardError::Silent { silent },
+            true => BoardError::Silent { silent, on_can: self.on_can() },
             false => BoardError::NoHeartbeat { silent },
         };
         self.fail_all(&error);
@@ -351,12 +414,18 @@ impl Session {
     fn greet_again(&mut self, now: Instant) {
         let Some(greeting) = self.greeting.as_mut().filter(|greeting| now >= greeting.due) else { return };
         if now - greeting.since > HELLO_FOR {
+            let (asked, waited) = (greeting.asked, now - greeting.since);
+            if self.heartbeats > 0 && waited < HELLO_FOR + LATE_HELLO {
+                greeting.due = greeting.since + HELLO_FOR + LATE_HELLO;
+                return;
+            }
             let LineCounters { frames, bad_checksum, malformed, .. } = self.link.counters();
-            let (damaged, asked, waited) = (bad_checksum + malformed, greeting.asked, now - greeting.since);
+            let damaged = bad_checksum + malformed;
+            let breach = self.breaches.instead_of_an_answer();
             let error = match frames {
                 // One damaged frame may be the rest of a frame: the port may have opened in the middle of it.
-                0 if damaged > 1 => BoardError::Garbled { damaged, asked },
-                _ => BoardError::NoAnswer { what: "HELLO", asked, waited },
+                0 if damaged > 1 && breach.is_none() => BoardError::Garbled { damaged, asked },
+                _ => BoardError::NoAnswer { what: "HELLO", asked, waited, heard: self.heard_instead(None, now) },
             };
             if let Some(greeting) = self.greeting.take() {
                 let _ = greeting.answer.send(Err(error));
@@ -364,10 +433,25 @@ impl Session {
             return;
         }
         greeting.asked += 1;
+        greeting.sent_at = now;
         // At 115,200 baud and below, five exchanges take half a second or more.
         greeting.due = now + HELLO_EVERY.max(self.link.exchange_time(HELLO_BYTES) * 5);
         let nonce = greeting.nonce;
         self.say_hello(nonce);
+    }
+
+    fn on_can(&self) -> bool {
+        matches!(self.link, Link::Can(_))
+    }
+
+    /// What came instead of an answer.
+    fn heard_instead(&self, runs: Option<Instant>, now: Instant) -> Heard {
+        match (runs, self.breaches.instead_of_an_answer()) {
+            (Some(runs), _) => Heard::Accepted { silent: now - runs },
+            (None, Some(breach)) => Heard::Breach(breach),
+            (None, None) if self.heartbeats > 0 => Heard::Heartbeats,
+            (None, None) => Heard::Nothing { on_can: self.on_can() },
+        }
     }
 
     fn say_hello(&mut self, nonce: u32) {
@@ -393,8 +477,8 @@ impl Session {
             }
             if pending.asked > timing::RESENDS {
                 let pending = self.pending.swap_remove(index);
-                let waited = now - pending.since;
-                let error = BoardError::NoAnswer { what: pending.what, asked: pending.asked, waited };
+                let (what, asked, waited) = (pending.what, pending.asked, now - pending.since);
+                let error = BoardError::NoAnswer { what, asked, waited, heard: self.heard_instead(pending.runs, now) };
                 let _ = pending.answer.send(Err(error));
                 continue;
             }
@@ -402,11 +486,17 @@ impl Session {
             // The first inquiry about a running request is no sign of a loss.
             let lost = pending.asked > 1 || pending.asked == 1 && !std::mem::take(&mut pending.inquiry);
             pending.asked += 1;
+            if pending.sent == 0 {
+                pending.lost_before = self.link.counters().missing;
+            }
+            pending.sent += 1;
+            pending.sent_at = now;
             // The answer may have to wait behind a full frame of a stream.
             let wire = self.link.exchange_time(pending.payload.len());
             pending.due = now + (timing::ACCEPT_WITHIN + wire + HOST_SLACK) * pending.asked;
             let (request, message, payload) = (pending.request, pending.message, pending.payload.clone());
             self.report.resent += u32::from(lost);
+            self.audit.asks(request);
             self.send(Kind::Request, flags, request, message, &payload);
             index += 1;
         }

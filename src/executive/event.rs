@@ -42,7 +42,7 @@ pub struct Event {
 /// 3. for each skipped item `item_ended` alone, with its cause;
 /// 4. `run_ended`, once and last. An item without `item_ended` was not run.
 ///
-/// `board_found`, `board_rebooted`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere between
+/// `board_found`, `board_rebooted`, `board_breach`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere between
 /// the first event and the last. A journal that was cut off has no `run_ended`: the run was interrupted.
 ///
 /// Progress is not an event: progress may be skipped, and events never are.
@@ -65,6 +65,9 @@ pub enum EventKind {
         /// The new boot id.
         boot_id: String,
     },
+    /// The slave board broke a rule of the interface document: once when the run notices it, and again with the last
+    /// count and the worst value at the end of the run.
+    BoardBreach(BoardBreach),
     /// The module's supply was switched.
     Power(Power),
     /// An attempt of an item begins.
@@ -323,6 +326,23 @@ pub struct BoardInfo {
     pub link: String,
 }
 
+/// A rule of the interface document that the slave board broke. It says nothing of the module.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BoardBreach {
+    /// Section of the interface document.
+    pub section: u8,
+    /// What the board does against it.
+    pub what: String,
+    /// How often it did so up to now.
+    pub count: u32,
+    /// The worst value, or the first case in words; every text is from outside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worst: Option<String>,
+    /// Whether people or the module are in danger.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub safety: bool,
+}
+
 /// State of the module's supply.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Power {
@@ -392,10 +412,11 @@ pub enum StopHow {
 
 impl EventKind {
     /// The names of all kinds in journals.
-    pub(crate) const NAMES: [&str; 15] = [
+    pub(crate) const NAMES: [&str; 16] = [
         "run_started",
         "board_found",
         "board_rebooted",
+        "board_breach",
         "power",
         "item_started",
         "measured",
@@ -416,6 +437,7 @@ impl EventKind {
             EventKind::RunStarted { .. } => "run_started",
             EventKind::BoardFound(_) => "board_found",
             EventKind::BoardRebooted { .. } => "board_rebooted",
+            EventKind::BoardBreach(_) => "board_breach",
             EventKind::Power(_) => "power",
             EventKind::ItemStarted { .. } => "item_started",
             EventKind::Measured { .. } => "measured",

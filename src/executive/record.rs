@@ -15,7 +15,7 @@ use crate::event::{
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
 use crate::plan::Phase;
-use crate::state::{Attempt, Note, Row, RunState};
+use crate::state::{Attempt, Breach, Note, Row, RunState};
 
 /// Version of the record's form.
 pub const RUN_SCHEMA: &str = "gnc-run/1";
@@ -52,6 +52,9 @@ pub struct RunRecord {
     pub bench: BenchInfo,
     /// The slave board, if one answered.
     pub board: Option<BoardInfo>,
+    /// The rules of the interface document that the slave board broke; absent if it broke none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub board_breaches: Vec<BreachRecord>,
     /// Names of the chosen items; null for the whole plan. A selection is never a module's pass.
     pub selection: Option<Vec<String>>,
     /// Which round of a loop.
@@ -69,6 +72,23 @@ pub struct RunRecord {
     pub items: Vec<ItemRecord>,
     /// Useful information beside the measurements.
     pub notes: Vec<NoteRecord>,
+}
+
+/// A rule of the interface document that the slave board broke. It says nothing of the module.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BreachRecord {
+    /// Section of the interface document.
+    pub section: u8,
+    /// What the board does against it.
+    pub what: String,
+    /// How often.
+    pub count: u32,
+    /// The worst value, or the first case in words; null if there is neither.
+    pub worst: Option<String>,
+    /// When the run noticed it first.
+    pub first_at: DateTime<FixedOffset>,
+    /// Whether people or the module are in danger.
+    pub safety: bool,
 }
 
 /// A stop that was requested.
@@ -196,6 +216,7 @@ impl RunRecord {
             program: header.program,
             bench: header.bench,
             board: state.board().cloned(),
+            board_breaches: state.breaches().iter().map(BreachRecord::from).collect(),
             selection: header.selection,
             looped: header.looped,
             started,
@@ -254,6 +275,13 @@ impl From<&Attempt> for AttemptRecord {
             error: attempt.error.clone(),
             error_records: attempt.error_records.clone(),
         }
+    }
+}
+
+impl From<&Breach> for BreachRecord {
+    fn from(breach: &Breach) -> Self {
+        let crate::event::BoardBreach { section, what, count, worst, safety } = breach.breach.clone();
+        Self { section, what, count, worst, first_at: breach.first.at, safety }
     }
 }
 

@@ -4,7 +4,8 @@ use chrono::{DateTime, FixedOffset};
 
 use crate::details::Details;
 use crate::event::{
-    AttemptError, BoardInfo, ErrorRecord, Event, EventKind, NoteLevel, PlannedItem, Power, RunHeader, StopHow,
+    AttemptError, BoardBreach, BoardInfo, ErrorRecord, Event, EventKind, NoteLevel, PlannedItem, Power, RunHeader,
+    StopHow,
 };
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, ItemEnd, Outcome, run_outcome};
@@ -13,6 +14,9 @@ use crate::plan::Phase;
 /// Most notes that the state keeps. A board that sends too many must not fill the memory, and the journal has all
 /// notes.
 pub(crate) const MAX_NOTES: usize = 1000;
+
+/// Most breaches that the state keeps: more than the station has rules.
+const MAX_BREACHES: usize = 100;
 
 /// The state of a run after some of its events.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,6 +38,7 @@ pub struct RunState {
     bad_test: Option<u32>,
     in_flight: usize,
     board: Option<BoardInfo>,
+    breaches: Vec<Breach>,
     power: Option<Power>,
     notes: Vec<Note>,
     stop: Option<(StopHow, String)>,
@@ -102,6 +107,15 @@ pub struct Attempt {
     pub error_records: Vec<ErrorRecord>,
     /// Why there is no verdict.
     pub error: Option<AttemptError>,
+}
+
+/// A rule of the interface document that the slave board broke.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Breach {
+    /// When the run noticed it.
+    pub first: Stamp,
+    /// The rule, with the last count and the worst value.
+    pub breach: BoardBreach,
 }
 
 /// A note for people.
@@ -240,6 +254,11 @@ impl RunState {
         self.board.as_ref()
     }
 
+    /// The rules of the interface document that the board broke, in the order in which the run noticed them.
+    pub fn breaches(&self) -> &[Breach] {
+        &self.breaches
+    }
+
     /// The module's supply, as last switched.
     pub fn power(&self) -> Option<&Power> {
         self.power.as_ref()
@@ -352,6 +371,7 @@ impl RunState {
                 let text = "the slave board restarted".to_owned();
                 self.note(Note { stamp, level: NoteLevel::Error, text, item: item.clone() });
             }
+            EventKind::BoardBreach(breach) => self.breach(stamp, breach),
             EventKind::Power(power) => self.power = Some(power.clone()),
             EventKind::ItemStarted { item, attempt } => {
                 let index = self.open_index(seq, kind, item)?;
@@ -455,6 +475,17 @@ impl RunState {
     fn pass_closed(&mut self) {
         while self.rows.get(self.first_open).is_some_and(|row| row.is_over() || !row.planned.selected) {
             self.first_open += 1;
+        }
+    }
+
+    fn breach(&mut self, stamp: Stamp, breach: &BoardBreach) {
+        let same = |seen: &Breach| seen.breach.section == breach.section && seen.breach.what == breach.what;
+        match self.breaches.iter().position(same) {
+            Some(index) => self.breaches[index].breach.clone_from(breach),
+            None if self.breaches.len() < MAX_BREACHES => {
+                self.breaches.push(Breach { first: stamp, breach: breach.clone() });
+            }
+            None => {}
         }
     }
 

@@ -12,7 +12,7 @@ use gnc_text::{printable, shortened};
 use crate::event::BenchKind;
 use crate::measurement::{Measurement, Reading};
 use crate::outcome::{Outcome, words};
-use crate::record::{AttemptRecord, ItemRecord, RunRecord};
+use crate::record::{AttemptRecord, BreachRecord, ItemRecord, RunRecord};
 
 pub use log::log_txt;
 
@@ -85,6 +85,28 @@ pub fn verdict_line(record: &RunRecord) -> String {
     )
 }
 
+/// The rules of the interface document that the board broke, one line each; empty if there are none.
+pub fn breach_lines(record: &RunRecord) -> Vec<String> {
+    record.board_breaches.iter().map(breach_line).collect()
+}
+
+fn breach_line(breach: &BreachRecord) -> String {
+    let BreachRecord { section, what, count, worst, safety, .. } = breach;
+    let danger = if *safety { "DANGER: " } else { "" };
+    let mut line =
+        format!("{danger}the board does not keep section {section} of the interface document: {}", printable(what));
+    let times = if *count == 1 { "once".to_owned() } else { format!("{count} times") };
+    match worst {
+        Some(worst) => {
+            let _ = write!(line, " ({times}; {})", shortened(worst, REASON_CHARACTERS));
+        }
+        None => {
+            let _ = write!(line, " ({times})");
+        }
+    }
+    line
+}
+
 /// Lines that must stand beside every verdict: why this record does not speak for the module. Empty if it does.
 pub fn banners(record: &RunRecord) -> Vec<String> {
     let mut banners = Vec::new();
@@ -95,6 +117,9 @@ pub fn banners(record: &RunRecord) -> Vec<String> {
     if let Some(selection) = &record.selection {
         let names: Vec<_> = selection.iter().map(|name| printable(name)).collect();
         banners.push(format!("SELECTION ({}): not a pass of the module", names.join(", ")));
+    }
+    for breach in record.board_breaches.iter().filter(|breach| breach.safety) {
+        banners.push(format!("DANGER: {}", printable(&breach.what)));
     }
     if record.interrupted {
         banners.push("INTERRUPTED: the run has no end, and its record shows what is known".to_owned());

@@ -1,6 +1,6 @@
 //! The frame that both links carry: an eight-byte header, up to 512 bytes of payload, a CRC-32C.
 
-use crc::{CRC_32_ISCSI, Crc, Table};
+use crc::{CRC_32_ISCSI, CRC_32_ISO_HDLC, Crc, NoTable, Table};
 
 use crate::wire::wire_enum;
 pub use crate::wire::{MAX_PAYLOAD, Payload};
@@ -16,6 +16,10 @@ pub const MAX_FRAME: usize = HEADER + MAX_PAYLOAD + CRC;
 
 /// CRC-32C (Castagnoli; CRC-32/ISCSI): finds every error of up to five bits in a frame of this length.
 static CRC_32C: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISCSI);
+
+/// The checksum of Ethernet and zip, which many libraries call "the" CRC-32. Only damaged frames are compared with it, so it
+/// needs no table.
+static CRC_32_OF_ETHERNET: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// The checksum of `bytes`.
 #[must_use]
@@ -79,6 +83,39 @@ pub struct Header {
     pub sequence: u16,
 }
 
+/// A checksum that is not damaged but worked out in another way than section 3 of the interface document asks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ChecksumMistake {
+    /// The right CRC-32C, most significant byte first.
+    ByteOrder,
+    /// The CRC-32C without the final exclusive or.
+    NotInverted,
+    /// The CRC-32 of Ethernet and zip.
+    OtherPolynomial,
+}
+
+impl ChecksumMistake {
+    /// Compares a wrong checksum with those of the usual mistakes. A damaged frame fits one of them once in 10^9 times.
+    fn of(content: &[u8], received: u32, computed: u32) -> Option<Self> {
+        let mistakes = [
+            (Self::ByteOrder, computed.swap_bytes()),
+            (Self::NotInverted, !computed),
+            (Self::OtherPolynomial, CRC_32_OF_ETHERNET.checksum(content)),
+        ];
+        mistakes.into_iter().find(|(_, checksum)| *checksum == received).map(|(mistake, _)| mistake)
+    }
+
+    /// The mistake in words.
+    #[must_use]
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::ByteOrder => "its most significant byte comes first",
+            Self::NotInverted => "the final exclusive or is missing",
+            Self::OtherPolynomial => "it is the CRC-32 of Ethernet instead of CRC-32C",
+        }
+    }
+}
+
 /// Why bytes are not a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
@@ -101,6 +138,8 @@ pub enum FrameError {
         received: u32,
         /// The checksum of the bytes that came.
         computed: u32,
+        /// The mistake by which the sender comes to its checksum, if it is no damage.
+        mistake: Option<ChecksumMistake>,
     },
     /// The kind is unknown. The checksum is good, so the other end speaks another protocol.
     #[error("frame kind {kind} is unknown")]
@@ -151,7 +190,8 @@ impl Frame {
         let received = u32::from_le_bytes(*tail);
         let computed = checksum(content);
         if received != computed {
-            return Err(FrameError::Checksum { received, computed });
+            let mistake = ChecksumMistake::of(content, received, computed);
+            return Err(FrameError::Checksum { received, computed, mistake });
         }
         let &[first, flags, r0, r1, m0, m1, s0, s1] = head;
         let kind = Kind::from_number(first & 0x0f).ok_or(FrameError::UnknownKind { kind: first & 0x0f })?;

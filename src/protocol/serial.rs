@@ -9,6 +9,9 @@ pub const MAX_STUFFED: usize = MAX_FRAME + MAX_FRAME.div_ceil(254);
 /// Longest frame on the wire.
 pub const MAX_ON_WIRE: usize = MAX_STUFFED + 2;
 
+/// Bytes kept of the last piece that was no frame: a line of text that a board prints.
+pub const REJECTED: usize = 80;
+
 /// A frame as it goes onto the wire.
 pub type WireBytes = heapless::Vec<u8, MAX_ON_WIRE>;
 
@@ -56,6 +59,8 @@ pub struct FrameDecoder {
     overflowed: bool,
     expected_sequence: Option<u16>,
     counters: LineCounters,
+    /// The beginning of the last piece that was no frame.
+    rejected: heapless::Vec<u8, REJECTED>,
 }
 
 impl Default for FrameDecoder {
@@ -66,6 +71,7 @@ impl Default for FrameDecoder {
             overflowed: false,
             expected_sequence: None,
             counters: LineCounters::default(),
+            rejected: heapless::Vec::new(),
         }
     }
 }
@@ -102,6 +108,12 @@ impl FrameDecoder {
         self.counters
     }
 
+    /// The beginning of the last piece between two delimiters that was no frame, as it came: at most [`REJECTED`] bytes.
+    #[must_use]
+    pub fn rejected(&self) -> &[u8] {
+        &self.rejected
+    }
+
     /// Forgets the sequence of the other end, which starts afresh after a HELLO or a restart.
     pub fn restart_sequence(&mut self) {
         self.expected_sequence = None;
@@ -119,6 +131,7 @@ impl FrameDecoder {
     fn close(&mut self, stuffed: &[u8]) -> Option<Result<Frame, FrameError>> {
         if core::mem::take(&mut self.overflowed) || stuffed.len() > MAX_STUFFED {
             self.counters.malformed = self.counters.malformed.wrapping_add(1);
+            self.rejected.clear();
             return Some(Err(FrameError::Long));
         }
         if stuffed.is_empty() {
@@ -136,6 +149,11 @@ impl FrameDecoder {
                 self.follow(u16::from_le_bytes([low, high]));
             }
             Err(_) => self.counters.malformed = self.counters.malformed.wrapping_add(1),
+        }
+        if outcome.is_err() {
+            self.rejected.clear();
+            // There is room: the piece is cut to it.
+            let _ = self.rejected.extend_from_slice(&stuffed[..stuffed.len().min(REJECTED)]);
         }
         Some(outcome)
     }

@@ -20,6 +20,19 @@ wire_enum! {
     }
 }
 
+impl StreamId {
+    /// Its name in texts.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Imu => "the IMU stream",
+            Self::Gnss => "the GNSS stream",
+            Self::Pps => "the 1PPS stream",
+            Self::Compensated => "the compensated stream",
+        }
+    }
+}
+
 wire_enum! {
     /// Layouts of the samples.
     Format: u8 {

@@ -47,6 +47,7 @@ pub fn html(
     for item in record.items.iter().filter(|item| !item.attempts.is_empty()) {
         whole_item(&mut page, item);
     }
+    breaches(&mut page, record);
     notes(&mut page, record);
     how_to_read(&mut page, record, digests);
     page.finish()
@@ -199,6 +200,22 @@ fn whole_item(page: &mut SvgPage, item: &ItemRecord) {
             page.close("table");
         }
     }
+}
+
+/// What the board does against the interface document: for those who build it, not for the verdict on the module.
+fn breaches(page: &mut SvgPage, record: &RunRecord) {
+    if record.board_breaches.is_empty() {
+        return;
+    }
+    page.element("h2", "", "The board and the interface document");
+    page.open("table", "");
+    page.row("th", &["Section", "What the board does", "Times", "Worst or first case", "First at"]);
+    for breach in &record.board_breaches {
+        let (section, count) = (breach.section.to_string(), breach.count.to_string());
+        let worst = breach.worst.as_deref().unwrap_or_default();
+        page.row("td", &[&section, &breach.what, &count, worst, &breach.first_at.format("%F %T%.3f %:z").to_string()]);
+    }
+    page.close("table");
 }
 
 fn notes(page: &mut SvgPage, record: &RunRecord) {

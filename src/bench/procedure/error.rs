@@ -187,7 +187,7 @@ pub(crate) enum ProcedureError {
         why: &'static str,
     },
     /// The item took longer in board time than the plan allows.
-    #[error("not done after {limit_s} s of board time")]
+    #[error("not done after {limit_s} s of board time, the plan's `timeout` of the item")]
     TookTooLong {
         /// The plan's limit.
         limit_s: f64,

@@ -3,12 +3,13 @@
 use std::time::Duration;
 
 use chrono::Utc;
+use gnc_board::breach::rule;
 use gnc_board::{BoardClient, BoardError, BoardLease, Readings};
 use gnc_executive::event::{BoardInfo as BoardEvent, EventKind, NoteLevel, Power};
 use gnc_link::{Link, LinkError, Target};
 use gnc_protocol::PROTOCOL_VERSION;
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
-use gnc_protocol::message::{Identity, MakeSafe, ModulePower, capability};
+use gnc_protocol::message::{Flash, FlashId, Identity, MakeSafe, ModulePower, capability};
 use gnc_records::resume::ResumeError;
 use gnc_records::store::StoreError;
 use gnc_text::with_causes;
@@ -20,6 +21,9 @@ use crate::procedure::ProcedureError;
 
 /// Longest wait for the board to make itself safe over a live link. If the board does not answer, its watchdog acts.
 pub(super) const SAFE_WITHIN: Duration = Duration::from_millis(250);
+
+/// What to look at if the module cannot be switched on.
+const SHORTED: &str = "look for a short between the module's supply and ground, and at the module in the socket";
 
 /// Why the runner cannot work with a board.
 #[derive(Debug, thiserror::Error)]
@@ -128,8 +132,15 @@ impl Run<'_> {
                 Ok(false)
             }
             Ok(Err(error)) => {
-                let text = format!("the module cannot be switched on: {}; {}", with_causes(&error), error.try_this());
+                // A module that draws too much, or pulls the board down with it, is a bad module and not a bad bench.
+                let module = matches!(error, BoardError::Fault { .. } | BoardError::Restarted { .. });
+                let hint = if module { SHORTED } else { error.try_this() };
+                let text = format!("the module cannot be switched on: {}; {hint}", with_causes(&error));
                 self.note(NoteLevel::Error, text, item).await?;
+                if module {
+                    self.cannot_be_powered.set(true);
+                    self.note_error_records(&lease, item).await?;
+                }
                 Ok(false)
             }
         }
@@ -154,6 +165,21 @@ impl Run<'_> {
         resumed.fits(firmware.as_deref(), power.calibration.as_deref())
     }
 
+    /// Whether the module answers although the board has made itself safe. Every request that needs the module's power
+    /// is then refused; this one reads the number of a part and changes nothing.
+    async fn stays_powered(&self, board: &BoardClient) -> bool {
+        if board.hello().capabilities & capability::POWER == 0 {
+            return false;
+        }
+        let (lease, question) = (self.own_desk(board), FlashId { flash: Flash::Spi as u8 });
+        let answer = timeout(SAFE_WITHIN, lease.call(&question)).await;
+        let answered = matches!(answer, Ok(Ok(_) | Err(BoardError::Fault { .. })));
+        if answered {
+            board.broke(&rule::STAYS_POWERED);
+        }
+        answered
+    }
+
     /// Switches the module off, stops streams, releases lines.
     pub(super) async fn make_safe(&self, board: BoardClient) -> Result<(), StoreError> {
         let safe = if self.link_lost.get() {
@@ -161,9 +187,17 @@ impl Run<'_> {
         } else {
             timeout(SAFE_WITHIN, self.own_desk(&board).call(&MakeSafe {})).await
         };
+        let stays_powered = matches!(safe, Ok(Ok(()))) && self.stays_powered(&board).await;
         self.tell_absences(&board).await?;
+        self.all_breaches(&board.breaches()).await?;
         let report = timeout(SAFE_WITHIN, board.close()).await.unwrap_or_default();
+        self.all_breaches(&report.breaches).await?;
         match safe {
+            Ok(Ok(())) if stays_powered => {
+                let text = "DANGER: the board says that it is safe, and the module is still under power: switch the bench's supply off \
+                            before you touch the module";
+                self.note(NoteLevel::Error, text.into(), None).await?;
+            }
             Ok(Ok(())) => {
                 let power = Power {
                     on: false,
@@ -179,7 +213,7 @@ impl Run<'_> {
                 self.note(NoteLevel::Warning, text.into(), None).await?;
             }
         }
-        let received = report.received;
+        let received = &report.received;
         let damaged = received.bad_checksum + received.malformed;
         if damaged + received.missing + report.resent + report.stale + report.echoed > 0 {
             let (missing, echo) = match report.echoed {

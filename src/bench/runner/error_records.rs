@@ -1,6 +1,6 @@
 //! Error records: what the board itself noted about a fault.
 
-use gnc_board::BoardClient;
+use gnc_board::{BoardClient, BoardError, BoardLease};
 use gnc_executive::event::{ErrorRecord as RecordEvent, EventKind, NoteLevel};
 use gnc_protocol::message::{ErrorKind, ErrorRecord, ErrorRecords};
 use gnc_records::store::StoreError;
@@ -18,7 +18,11 @@ impl Run<'_> {
         for _ in 0..MAX_RECORDS {
             let reply = match self.own_desk(board).call(&ErrorRecords { from: self.records_read.get() }).await {
                 Ok(reply) => reply,
+                Err(_) if self.records_refused.get() => break,
                 Err(error) => {
+                    // A board without error records refuses them after each item; once is enough.
+                    self.records_refused
+                        .set(matches!(error, BoardError::Refused { .. } | BoardError::RefusedUnknown { .. }));
                     let text = format!("the board's error records cannot be read: {}", with_causes(&error));
                     self.note(NoteLevel::Warning, text, Some(&item.name)).await?;
                     break;
@@ -38,6 +42,24 @@ impl Run<'_> {
         for record in &mine {
             let (item, attempt, record) = (item.name.clone(), landed.attempt, for_people(record));
             self.journal.emit(EventKind::ErrorRecord { item, attempt, record }).await?;
+        }
+        Ok(())
+    }
+}
+
+impl Run<'_> {
+    /// Notes what the board found wrong outside of any item.
+    pub(super) async fn note_error_records(
+        &self,
+        lease: &BoardLease<'_>,
+        item: Option<&str>,
+    ) -> Result<(), StoreError> {
+        let Ok(reply) = lease.call(&ErrorRecords { from: self.records_read.get() }).await else { return Ok(()) };
+        for record in &reply.records {
+            self.records_read.set(record.index.wrapping_add(1));
+            let RecordEvent { what, location, expected, got, .. } = for_people(record);
+            let text = format!("the board's error record: {what} ({location}): expected {expected}, got {got}");
+            self.note(NoteLevel::Error, text, item).await?;
         }
         Ok(())
     }

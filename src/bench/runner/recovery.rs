@@ -79,7 +79,7 @@ impl Run<'_> {
             let text = format!("{error}; {}: the run waits at most {wait_s} s for it", error.try_this());
             self.note(NoteLevel::Warning, text, None).await?;
         }
-        self.recover(board, name.filter(|_| any_restart), absence.is_some()).await
+        self.recover(board, name.filter(|_| any_restart), absence.is_some(), any_restart).await
     }
 
     /// Files that the port or interface was away.
@@ -111,7 +111,13 @@ impl Run<'_> {
 
     /// Begins a new session. After a lost session the state of the board is unknown: a new session makes it safe and
     /// starts clean. A board that restarted while its port was away restarted with it, so there is no other culprit.
-    async fn recover(&self, board: &BoardClient, culprit: Option<String>, absence: bool) -> Result<(), StoreError> {
+    async fn recover(
+        &self,
+        board: &BoardClient,
+        culprit: Option<String>,
+        absence: bool,
+        restarted: bool,
+    ) -> Result<(), StoreError> {
         let before = board.hello().boot_id;
         let reopened = tokio::select! {
             biased;
@@ -128,7 +134,7 @@ impl Run<'_> {
                 self.note(NoteLevel::Error, format!("{}; {}", with_causes(&error), error.try_this()), None).await
             }
             Ok(Ok(boot_id)) => {
-                if boot_id != before {
+                if boot_id != before || restarted {
                     if culprit.is_none() && !absence {
                         // Also if the line hid the restart: the request that caused it stays unknown, unless it happens
                         // again.
@@ -178,5 +184,5 @@ pub(super) fn session_lives(trouble: &ProcedureError) -> bool {
 /// The error of an attempt that the trouble of another one ended.
 pub(super) fn spoilt(text: Option<&str>) -> AttemptError {
     let text = format!("another item's error ended this attempt: {}", text.unwrap_or_default());
-    AttemptError { text, hint: "the station runs the item again".into(), again: true }
+    AttemptError { text, hint: "the station runs the item again as soon as the board answers".into(), again: true }
 }

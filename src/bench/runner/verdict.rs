@@ -34,7 +34,10 @@ pub(super) fn judge(
         ProcedureError::FramesLost { .. }
         | ProcedureError::TestIdsShared { .. }
         | ProcedureError::SamplesLost { .. }
-        | ProcedureError::CaptureLost { .. } => Outcome::Errored,
+        | ProcedureError::CaptureLost { .. }
+        // What the board says against the interface document says nothing either, and a value before it may be of the
+        // same kind.
+        | ProcedureError::Board(BoardError::Breach { .. }) => Outcome::Errored,
         // A limit was violated before the trouble; that verdict stands.
         _ if violates(measured) => Outcome::Failed,
         ProcedureError::Board(BoardError::Restarted { .. }) => Outcome::Failed,

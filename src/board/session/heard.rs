@@ -1,13 +1,20 @@
 //! How the session handles what the board says.
 
-use gnc_protocol::message::{Accept, BoardHello, Heartbeat, MAGIC, Nak, Progress, ResultHead, event};
+use gnc_protocol::frame::FrameError;
+use gnc_protocol::message::{
+    Accept, BoardHello, Call as _, Heartbeat, MAGIC, MakeSafe, ModulePower, Nak, Progress, ResultHead, StreamStart,
+    StreamStop, StreamStopReply, capability, event,
+};
+use gnc_protocol::slave::KEPT_RESULTS;
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::{FieldReader, Text, Wire as _};
-use gnc_protocol::{FaultCode, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload, timing};
+use gnc_protocol::{FaultCode, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload, timing};
 use tokio::sync::mpsc;
 use tokio::time::{Duration, Instant};
 
-use super::{Answer, Session};
+use super::possible::{self, Impossible};
+use super::{Answer, HELLO_BYTES, HELLO_FOR, Pending, Session};
+use crate::breach::{Case, rule};
 use crate::error::BoardError;
 use crate::status::{Advance, BoardTime};
 use crate::stream::{Newest, SampleFrame};
@@ -22,23 +29,42 @@ impl Session {
             return;
         }
         self.heard = now;
+        if !self.audit.header(&frame.header) {
+            return;
+        }
         match kind {
             Kind::Hello => self.hello(&frame.payload),
-            Kind::Accept => self.accepted(request, &frame.payload, now),
-            Kind::Progress => self.progressed(request, &frame.payload, now),
-            Kind::Result => self.finished(request, message, &frame.payload),
-            Kind::Nak => self.refused(request, message, &frame.payload),
-            Kind::Stream => self.streamed(&frame.payload),
+            Kind::Accept => self.accepted((request, message), &frame.payload, now),
+            Kind::Progress => self.progressed((request, message), &frame.payload, now),
+            Kind::Result => self.finished((request, message), frame.header.flags, &frame.payload, now),
+            Kind::Nak => self.refused(request, message, &frame.payload, now),
+            Kind::Stream => self.streamed(message, &frame.payload),
             Kind::Event => self.event(message, &frame.payload),
             Kind::Request => {}
         }
     }
 
-    fn hello(&mut self, payload: &[u8]) {
-        let Ok(hello) = BoardHello::from_payload(payload) else { return };
-        if hello.magic != MAGIC {
-            return;
+    /// A frame came damaged.
+    pub(super) fn damaged(&mut self, error: FrameError) {
+        if let FrameError::Checksum { mistake: Some(mistake), .. } = error {
+            self.explained.bad_checksum += 1;
+            self.audit.see(&rule::CHECKSUM, Case::Words(mistake.meaning().to_owned()));
         }
+    }
+
+    /// Text came between the frames.
+    pub(super) fn text(&mut self, text: String) {
+        self.explained.malformed += 1;
+        self.audit.see(&rule::TEXT, Case::Words(format!("\"{text}\"")));
+    }
+
+    fn hello(&mut self, payload: &[u8]) {
+        let now = Instant::now();
+        let hello = match BoardHello::from_payload(payload) {
+            Ok(hello) if hello.magic == MAGIC => hello,
+            Ok(_) => return self.audit.see(&rule::HELLO_LAYOUT, Case::Words("the magic is another one".into())),
+            Err(error) => return self.audit.see(&rule::HELLO_LAYOUT, Case::Words(error.to_string())),
+        };
         if let Some((nonce, before)) = self.session {
             if hello.nonce != nonce {
                 return;
@@ -48,11 +74,29 @@ impl Session {
             } else if self.in_doubt {
                 // The board is the same and has not restarted, yet it knows no session: its watchdog ended it.
                 self.session = None;
+                self.audit.watchdog(now);
                 self.fail_all(&self.watchdog_ended());
+            } else if let Some(other) = self.other_boot_id.take() {
+                // The session lives, so the board did not restart.
+                let case = format!("HELLO {before:08x}, heartbeat {other:08x}");
+                self.audit.see(&rule::TWO_BOOT_IDS, Case::Words(case));
+                self.beats_as = Some(other);
             }
             return;
         }
-        let Some(greeting) = self.greeting.take_if(|greeting| greeting.nonce == hello.nonce) else { return };
+        let Some(greeting) = self.greeting.take_if(|greeting| greeting.nonce == hello.nonce) else {
+            if let Some(greeting) = &self.greeting {
+                let case = format!("{:08x} instead of {:08x}", hello.nonce, greeting.nonce);
+                self.audit.see(&rule::NONCE, Case::Words(case));
+            }
+            return;
+        };
+        if greeting.asked == 1 {
+            self.audit.took(&rule::HELLO_LATE, greeting.sent_at, self.link.exchange_time(HELLO_BYTES), now);
+        } else if now > greeting.since + HELLO_FOR {
+            // It did not answer for as long as HELLO was repeated, so this computer is not to blame.
+            self.audit.see(&rule::HELLO_VERY_LATE, Case::Took(now - greeting.since));
+        }
         if hello.chosen != PROTOCOL_VERSION {
             let error = BoardError::Version { lowest: hello.lowest, highest: hello.highest };
             let _ = greeting.answer.send(Err(error));
@@ -65,6 +109,13 @@ impl Session {
         self.session = Some((hello.nonce, hello.boot_id));
         self.in_doubt = false;
         self.interrupted = None;
+        (self.other_boot_id, self.beats_as) = (None, None);
+        if !(hello.lowest..=hello.highest).contains(&hello.chosen) {
+            let case = format!("version {} of {} to {}", hello.chosen, hello.lowest, hello.highest);
+            self.audit.see(&rule::VERSION_RANGE, Case::Words(case));
+        }
+        self.audit.session_opened(now, hello.capabilities & capability::POWER != 0);
+        self.last_beat_us = None;
         self.beat = Instant::now();
         self.before.get_or_insert_with(|| self.link.counters());
         self.link.restart_sequence();
@@ -72,40 +123,85 @@ impl Session {
         let _ = greeting.answer.send(Ok(hello));
     }
 
-    fn accepted(&mut self, request: u16, payload: &[u8], now: Instant) {
-        let Some(pending) = self.pending.iter_mut().find(|pending| pending.request == request) else { return };
+    /// The request that an answer names, if it is one that waits.
+    fn named(&mut self, (request, message): (u16, u16)) -> Option<&mut Pending> {
+        let pending = self.pending.iter_mut().find(|pending| pending.request == request)?;
+        if pending.message == message {
+            return Some(pending);
+        }
+        let case = format!("message 0x{message:04x} to {}, which is 0x{:04x}", pending.what, pending.message);
+        self.audit.see(&rule::OTHER_MESSAGE, Case::Words(case));
+        None
+    }
+
+    fn accepted(&mut self, id: (u16, u16), payload: &[u8], now: Instant) {
+        let wire = self.link.exchange_time(0);
+        let Some(pending) = self.named(id) else { return };
         pending.due = now + timing::PROGRESS_LOST_AFTER;
+        let (first, once, sent_at) = (pending.runs.is_none(), pending.sent == 1, pending.sent_at);
         // The request runs, so earlier losses no longer count.
         pending.asked = 1;
         pending.ended_since = 0;
-        if let Ok(accept) = Accept::from_payload(payload) {
-            pending.expected_ms = accept.expected_ms;
-            pending.advance.send_replace(Advance { expected_ms: accept.expected_ms, ..Advance::default() });
+        pending.runs = Some(now);
+        match Accept::from_payload(payload) {
+            Ok(accept) => {
+                pending.expected_ms = accept.expected_ms;
+                pending.advance.send_replace(Advance { expected_ms: accept.expected_ms, ..Advance::default() });
+            }
+            Err(error) => self.audit.see(&rule::ANSWER_LAYOUT, Case::Words(format!("ACCEPT: {error}"))),
+        }
+        if once {
+            self.audit.answered(sent_at);
+            if first {
+                self.audit.took(&rule::ANSWER_LATE, sent_at, wire, now);
+            }
         }
     }
 
-    fn progressed(&mut self, request: u16, payload: &[u8], now: Instant) {
-        let Some(pending) = self.pending.iter_mut().find(|pending| pending.request == request) else { return };
+    fn progressed(&mut self, id: (u16, u16), payload: &[u8], now: Instant) {
+        let Some(pending) = self.named(id) else { return };
         pending.due = now + timing::PROGRESS_LOST_AFTER;
         // The board is alive, so earlier losses no longer count.
         pending.asked = 1;
         pending.ended_since = 0;
-        if let Ok(Progress { done_permille, elapsed_ms }) = Progress::from_payload(payload) {
-            let expected_ms = pending.expected_ms;
-            pending.advance.send_replace(Advance { done_permille, elapsed_ms, expected_ms });
+        let before = pending.runs.replace(now);
+        match Progress::from_payload(payload) {
+            Ok(Progress { done_permille, elapsed_ms }) => {
+                let expected_ms = pending.expected_ms;
+                pending.advance.send_replace(Advance {
+                    done_permille: done_permille.min(1000),
+                    elapsed_ms,
+                    expected_ms,
+                });
+                if done_permille > 1000 {
+                    self.audit.see(&rule::PROGRESS, Case::Words(format!("{done_permille} of 1000 done")));
+                }
+            }
+            Err(error) => self.audit.see(&rule::ANSWER_LAYOUT, Case::Words(format!("PROGRESS: {error}"))),
+        }
+        if let Some(before) = before {
+            self.audit.progressed(before, now);
         }
     }
 
-    fn finished(&mut self, request: u16, message: u16, payload: &[u8]) {
-        // A result for which no request waits was repeated once too often. This is not an error.
-        let Some(pending) = self.take(request, message) else { return };
+    fn finished(&mut self, id: (u16, u16), flags: Flags, payload: &[u8], now: Instant) {
+        if self.named(id).is_none() {
+            // A result for which no request waits: a replay that was asked for once too often.
+            if self.ended.contains(&id) && !flags.has(Flags::REPLAYED) {
+                self.audit.see(&rule::REPLAY_FLAG, Case::Words(format!("request {}", id.0)));
+            }
+            return;
+        }
+        let Some(pending) = self.take(id.0, id.1) else { return };
+        self.remember(id);
         pending.advance.send_replace(Advance::default());
+        self.audit_result(&pending, flags, now);
         let what = pending.what;
         let mut reader = FieldReader::new(payload);
         let answer = match ResultHead::get(&mut reader) {
             Err(source) => Err(BoardError::BadAnswer { what, source }),
             Ok(ResultHead { status: FaultCode::None, elapsed_us }) => Ok(Answer {
-                request,
+                request: id.0,
                 elapsed: Duration::from_micros(elapsed_us.into()),
                 asked: pending.asked,
                 body: Payload::from_slice(reader.take_rest()).unwrap_or_default(),
@@ -116,14 +212,81 @@ impl Session {
                 Err(BoardError::Fault { what, code, text, elapsed })
             }
         };
+        let answer = answer.and_then(|answer| {
+            match possible::check(pending.message, &pending.payload, &answer.body, answer.elapsed) {
+                Ok(()) => Ok(answer),
+                Err(Impossible { rule, why }) => Err(self.breaches.refuse(rule, what, why)),
+            }
+        });
         if let Ok(answer) = &answer {
-            self.gauges.answered(message, &answer.body);
+            self.gauges.answered(id.1, &answer.body);
+            match (id.1, pending.payload.first()) {
+                (ModulePower::ID, Some(on)) => {
+                    self.audit.switched(*on == 1, now);
+                    if *on != 1 {
+                        self.audit.streams_ended();
+                    }
+                }
+                (MakeSafe::ID, _) => {
+                    self.audit.switched(false, now);
+                    self.audit.streams_ended();
+                }
+                (StreamStart::ID, Some(stream)) => {
+                    if let Some(id) = StreamId::from_number(*stream) {
+                        self.audit.started(id, self.link.counters());
+                    }
+                }
+                _ => {}
+            }
         }
+        let answer = answer.and_then(|answer| self.closed(&pending, answer));
         let _ = pending.answer.send(answer);
     }
 
-    fn refused(&mut self, request: u16, message: u16, payload: &[u8]) {
-        let Ok(nak) = Nak::from_payload(payload) else { return };
+    /// Closes the account of a stream that the board has stopped.
+    fn closed(&mut self, pending: &Pending, answer: Answer) -> Result<Answer, BoardError> {
+        let (StreamStop::ID, Some(stream)) = (pending.message, pending.payload.first()) else { return Ok(answer) };
+        let (Some(id), Ok(reply)) = (StreamId::from_number(*stream), StreamStopReply::from_payload(&answer.body))
+        else {
+            return Ok(answer);
+        };
+        match self.audit.stopped(id, &reply, self.link.counters()) {
+            None => Ok(answer),
+            Some(why) => Err(self.breaches.refuse(&rule::ACCOUNT, pending.what, why)),
+        }
+    }
+
+    /// Holds the way in which a result came against section 7.
+    fn audit_result(&mut self, pending: &Pending, flags: Flags, now: Instant) {
+        if pending.sent == 1 {
+            self.audit.answered(pending.sent_at);
+        }
+        match pending.runs {
+            Some(before) => self.audit.progressed(before, now),
+            // A lost ACCEPT shows as a missing frame. A replay comes without ACCEPT.
+            None if pending.sent == 1
+                && !flags.has(Flags::REPLAYED)
+                && self.link.counters().missing == pending.lost_before =>
+            {
+                self.audit.see(&rule::NO_ACCEPT, Case::Words(pending.what.to_owned()));
+            }
+            None => {}
+        }
+    }
+
+    /// Remembers a request that has ended: its result may come again.
+    fn remember(&mut self, id: (u16, u16)) {
+        self.ended.push_back(id);
+        if self.ended.len() > KEPT_RESULTS {
+            self.ended.pop_front();
+        }
+    }
+
+    fn refused(&mut self, request: u16, message: u16, payload: &[u8], now: Instant) {
+        let nak = match Nak::from_payload(payload) {
+            Ok(nak) => nak,
+            Err(error) => return self.audit.see(&rule::ANSWER_LAYOUT, Case::Words(format!("NAK: {error}"))),
+        };
         let code = NakCode::from_number(nak.code);
         if let (Some(NakCode::NoSession), Some((nonce, _))) = (code, self.session) {
             // A refusal of a request of an earlier session says nothing of this session.
@@ -134,40 +297,77 @@ impl Session {
             self.in_doubt = true;
             return self.say_hello(nonce);
         }
+        let wire = self.link.exchange_time(0);
+        if self.named((request, message)).is_none() {
+            return;
+        }
         let Some(pending) = self.take(request, message) else { return };
+        if pending.sent == 1 {
+            self.audit.answered(pending.sent_at);
+            if pending.runs.is_none() {
+                self.audit.took(&rule::ANSWER_LATE, pending.sent_at, wire, now);
+            }
+        }
         let (what, text) = (pending.what, nak.text.as_str().to_owned());
         let error = match code {
             Some(code) => BoardError::Refused { what, code, text },
-            None => BoardError::RefusedUnknown { what, code: nak.code, text },
+            None => {
+                self.audit.see(&rule::CODE_UNKNOWN, Case::Words(format!("NAK {}", nak.code)));
+                BoardError::RefusedUnknown { what, code: nak.code, text }
+            }
         };
         let _ = pending.answer.send(Err(error));
     }
 
     fn event(&mut self, message: u16, payload: &[u8]) {
         match message {
-            event::HEARTBEAT => {
-                let Ok(beat) = Heartbeat::from_payload(payload) else { return };
-                let Some((_, before)) = self.session else { return };
-                if beat.boot_id != before {
-                    return self.restarted(before, beat.boot_id);
-                }
-                self.beat = Instant::now();
-                self.board_time.change(|board_time| {
-                    board_time.board_time_us = beat.board_time_us;
-                    board_time.beats += 1;
-                });
-            }
+            event::HEARTBEAT => match Heartbeat::from_payload(payload) {
+                Ok(beat) => self.heartbeat(&beat),
+                Err(error) => self.audit.see(&rule::HEARTBEAT_LAYOUT, Case::Words(error.to_string())),
+            },
             event::WATCHDOG if self.session.is_some() => {
                 self.session = None;
+                self.audit.watchdog(Instant::now());
                 self.fail_all(&self.watchdog_ended());
             }
             _ => {}
         }
     }
 
+    fn heartbeat(&mut self, beat: &Heartbeat) {
+        self.heartbeats = self.heartbeats.saturating_add(1);
+        let Some((nonce, before)) = self.session else { return };
+        let now = Instant::now();
+        let (before_us, now_us) = (self.last_beat_us.replace(beat.board_time_us), beat.board_time_us);
+        if let Some(before_us) = before_us.filter(|before_us| now_us < *before_us) {
+            // A clock that goes back is a restart, whatever the boot id says.
+            if beat.boot_id == before || Some(beat.boot_id) == self.beats_as {
+                let case = format!("board time went from {before_us} us to {now_us} us under boot id {before:08x}");
+                self.audit.see(&rule::BOOT_ID_KEPT, Case::Words(case));
+            }
+            return self.restarted(before, beat.boot_id);
+        }
+        if beat.boot_id != before && Some(beat.boot_id) != self.beats_as {
+            // After a restart the clock begins anew and there is no session. Otherwise the board's HELLO tells.
+            if before_us.is_none() && beat.state & 1 != 0 {
+                self.other_boot_id = Some(beat.boot_id);
+                self.say_hello(nonce);
+            } else {
+                return self.restarted(before, beat.boot_id);
+            }
+        }
+        self.audit.beat(beat, now);
+        self.beat = now;
+        self.board_time.change(|board_time| {
+            board_time.board_time_us = beat.board_time_us;
+            board_time.beats += 1;
+        });
+    }
+
     fn restarted(&mut self, before: u32, after: u32) {
         self.session = None;
         self.newest = Newest::default();
+        self.audit.begins_anew();
         if let Some(error) = self.restarted_while_away() {
             return self.fail_all(&error);
         }
@@ -180,19 +380,49 @@ impl Session {
         self.fail_all(&BoardError::Restarted { asked: false, during, before, after });
     }
 
-    fn streamed(&mut self, payload: &[u8]) {
-        let Ok(frame) = SampleFrame::of(payload) else { return };
-        let Some(id) = StreamId::from_number(frame.head.stream) else { return };
+    fn streamed(&mut self, message: u16, payload: &[u8]) {
+        let frame = match SampleFrame::of(payload) {
+            Ok(frame) => frame,
+            Err(error) => return self.unreadable(StreamId::from_number(message as u8), error.to_string()),
+        };
+        let Some(id) = StreamId::from_number(frame.head.stream).filter(|id| *id as u16 == message) else {
+            let why = format!("stream {} under message id {message}", frame.head.stream);
+            return self.unreadable(StreamId::from_number(frame.head.stream), why);
+        };
+        if let Err(Impossible { rule, why }) = possible::frame(id, &frame) {
+            let error = self.breaches.refuse(rule, id.name(), why);
+            return self.end_stream(id, error);
+        }
         if !self.newest.admit(id, &frame.head) {
             self.report.stale += 1;
             return;
         }
+        let starts = |pending: &Pending| {
+            pending.message == StreamStart::ID && pending.payload.first() == Some(&(id as u8)) && pending.sent > 0
+        };
+        let starting = self.pending.iter().any(starts);
+        self.audit.frame(id, &frame.head, starting);
         self.gauges.streamed(id, &frame);
         let Some(sender) = self.sender_of(id) else { return };
         match sender.try_send(Ok(frame)) {
             Ok(()) => {}
             Err(mpsc::error::TrySendError::Full(Ok(frame))) => self.held.push_back((id, frame)),
             Err(_) => self.forget(id),
+        }
+    }
+
+    /// A frame of a stream that cannot be read: no sample of the stream is used any more.
+    fn unreadable(&mut self, id: Option<StreamId>, why: String) {
+        let error = self.breaches.refuse(&rule::STREAM_LAYOUT, id.map_or("a stream", StreamId::name), why);
+        if let Some(id) = id {
+            self.end_stream(id, error);
+        }
+    }
+
+    fn end_stream(&mut self, id: StreamId, error: BoardError) {
+        if let Some(sender) = self.sender_of(id) {
+            // A listener that is behind gets no error here: it misses the frame, and its account does not close.
+            let _ = sender.try_send(Err(error));
         }
     }
 }

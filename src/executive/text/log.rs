@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use chrono::{DateTime, FixedOffset};
 use gnc_text::printable;
 
-use super::{banners, duration, error_record, failing_rows, item_line, measurement_line, verdict_line};
+use super::{banners, breach_lines, duration, error_record, failing_rows, item_line, measurement_line, verdict_line};
 use crate::event::{BenchKind, NoteLevel};
 use crate::outcome::words;
 use crate::record::{AttemptRecord, ItemRecord, RunRecord};
@@ -32,6 +32,13 @@ pub fn log_txt(record: &RunRecord) -> String {
             let item = note.item.as_deref().map(|item| format!("{}: ", printable(item))).unwrap_or_default();
             let elapsed = format!("{:.3} s", note.elapsed_s);
             let _ = writeln!(out, "  {}  {elapsed:>12}  {level:7}  {item}{}", time(note.at), printable(&note.text));
+        }
+    }
+    let breaches = breach_lines(record);
+    if !breaches.is_empty() {
+        let _ = writeln!(out, "\nThe board and the interface document");
+        for (line, breach) in breaches.iter().zip(&record.board_breaches) {
+            let _ = writeln!(out, "  first at {}  {line}", time(breach.first_at));
         }
     }
     let failing = failing_rows(record);

@@ -126,6 +126,9 @@ impl Writer {
             EventKind::Note { level: NoteLevel::Warning | NoteLevel::Error, text, .. } => {
                 self.say(&format!("note: {}", printable(text)));
             }
+            EventKind::BoardBreach(breach) if breach.safety => {
+                self.say(&format!("DANGER: {}", printable(&breach.what)));
+            }
             EventKind::BoardRebooted { .. } => self.say("note: the slave board restarted"),
             EventKind::StopRequested { by, .. } => {
                 self.say(&format!("stopping: {} (repeat it to stop at once)", printable(by)));
@@ -145,6 +148,9 @@ impl Writer {
         if !failing.is_empty() {
             self.say("");
             self.say(failing.trim_end());
+        }
+        for line in text::breach_lines(&record) {
+            self.say(&format!("note: {line}"));
         }
         self.say("");
         self.say(&text::verdict_line(&record));

@@ -83,6 +83,8 @@ pub(crate) struct Texts {
     pub plan: &'static str,
     pub board: &'static str,
     pub no_board_yet: &'static str,
+    /// The board breaks rules of the interface document; a number follows.
+    pub board_breaks: &'static str,
     pub module_on: &'static str,
     pub module_off: &'static str,
     pub scan_here: &'static str,

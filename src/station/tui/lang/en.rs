@@ -33,6 +33,7 @@ pub(super) static TEXTS: Texts = Texts {
     plan: "Plan",
     board: "Board",
     no_board_yet: "not asked yet",
+    board_breaks: "breaks the interface document",
     module_on: "module on",
     module_off: "module off",
     scan_here: "scan the label",

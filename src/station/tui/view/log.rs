@@ -1,6 +1,6 @@
 //! The log of a run: its events in the order in which they happened.
 
-use gnc_executive::event::NoteLevel;
+use gnc_executive::event::{BoardBreach, NoteLevel};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
@@ -98,6 +98,13 @@ fn entries(model: &ScreenModel, state: &RunState) -> Vec<Entry> {
             level => format!("{}: ", (texts.level)(level)),
         };
         entries.push(Entry { style, ..plain(note.stamp.elapsed_us, format!("{level}{item}{}", note.text)) });
+    }
+    for seen in state.breaches() {
+        let weight = if seen.breach.safety { MessageWeight::Error } else { MessageWeight::Warning };
+        let BoardBreach { section, what, count, worst, .. } = &seen.breach;
+        let worst = worst.as_ref().map(|worst| format!(", {worst}")).unwrap_or_default();
+        let line = format!("{}: §{section}: {what} ({count}×{worst})", texts.board_breaks);
+        entries.push(Entry { style: style::weight(model.look, weight), ..plain(seen.first.elapsed_us, line) });
     }
     if let (Some(outcome), Some(last)) = (state.outcome(), state.last()) {
         let line = format!("{}: {}", texts.ended_at, (texts.outcome_word)(outcome));

@@ -2,7 +2,7 @@
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::catalogue::processor::PART;
-use gnc_executive::event::StopHow;
+use gnc_executive::event::{BoardBreach, StopHow};
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
 use ratatui::Frame;
@@ -13,7 +13,7 @@ use ratatui::widgets::{Block, Paragraph};
 
 use super::{big, frame, style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{Loaded, Pause, RoundsSetting, RunView, ScreenModel};
+use crate::tui::model::{Loaded, MessageWeight, Pause, RoundsSetting, RunView, ScreenModel};
 
 /// A panel with its title.
 pub(super) fn block(title: &str) -> Block<'static> {
@@ -60,6 +60,9 @@ pub(super) fn product(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     lines.push(line(texts.plan, &plan(model), Style::new()));
     let (board, board_style) = board(model);
     lines.push(line(texts.board, &board, board_style));
+    if let Some((breaches, style)) = breaches(model) {
+        lines.push(line("", &breaches, style));
+    }
     let folder = model.run.as_ref().and_then(|run| run.folder.as_ref());
     if let Some(folder) = folder.filter(|_| roomy) {
         lines.push(line(texts.record_in, &text::shown(&folder.display().to_string()), style::faint()));
@@ -122,6 +125,16 @@ fn board(model: &ScreenModel) -> (String, Style) {
         Loaded::Loading => (texts.loading.to_owned(), style::faint()),
         Loaded::Refused(why) => (why.lines().next().unwrap_or_default().to_owned(), style::strong()),
     }
+}
+
+/// Which rules of the interface document the board of this run breaks: the number, and the last one in words.
+fn breaches(model: &ScreenModel) -> Option<(String, Style)> {
+    let seen = model.run.as_ref()?.state.breaches();
+    let newest = seen.iter().rev().find(|seen| seen.breach.safety).or(seen.last())?;
+    let weight = if newest.breach.safety { MessageWeight::Error } else { MessageWeight::Warning };
+    let BoardBreach { section, what, .. } = &newest.breach;
+    let told = format!("{}: {} (§{section}: {what})", model.texts.board_breaks, seen.len());
+    Some((text::shown(&told), style::weight(model.look, weight)))
 }
 
 /// What the run is doing, as one word.
