@@ -11,7 +11,7 @@ mod recovery;
 
 mod verdict;
 
-use std::cell::{Cell, RefCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -114,6 +114,7 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
     let run = Run {
         order,
         journal: &journal,
+        on_board: OnceCell::new(),
         control,
         live,
         sessions: Cell::new(0),
@@ -142,6 +143,8 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
 struct Run<'a> {
     order: &'a RunOrder,
     journal: &'a RunJournal,
+    /// The job on the board that answered first.
+    on_board: OnceCell<Job>,
     control: &'a RunControl,
     live: &'a Live,
     /// Number of sessions that were begun with the board.
@@ -186,9 +189,14 @@ struct Landed {
 type Flight<'a> = FuturesUnordered<LocalBoxFuture<'a, Landed>>;
 
 impl Run<'_> {
+    /// The plan on this bench, and on the board as soon as it has answered.
+    fn job(&self) -> &Job {
+        self.on_board.get().unwrap_or(&self.order.job)
+    }
+
     async fn whole(&self) -> Result<Outcome, StoreError> {
         let header = Box::new(self.order.header.clone());
-        self.journal.emit(EventKind::RunStarted { header, items: self.order.job.planned() }).await?;
+        self.journal.emit(EventKind::RunStarted { header, items: self.job().planned() }).await?;
         for found in &self.order.found {
             self.note(NoteLevel::Warning, found.clone(), None).await?;
         }
@@ -250,6 +258,11 @@ impl Run<'_> {
     /// Files who the board is and switches the module on. `false`: it could not, or a stop was asked for.
     async fn begin(&self, board: &BoardClient) -> Result<bool, StoreError> {
         self.found(board).await?;
+        if let Err(lacks) = self.fit(board) {
+            let text = format!("the module was not switched on: {lacks}; {}", lacks.try_this());
+            self.note(NoteLevel::Error, text, None).await?;
+            return Ok(false);
+        }
         self.power_on(board, None).await
     }
 
@@ -290,7 +303,7 @@ impl Run<'_> {
                 self.stop_in_order(asked).await?;
             }
             let alone = self.one_by_one.get();
-            let job = &self.order.job;
+            let job = self.job();
             let next = self.journal.look(|state| if alone { job.next(state) } else { job.next_overlapping(state) });
             match next {
                 Next::Run { .. } if flight.len() >= AT_ONCE => return Ok(false),
@@ -337,7 +350,7 @@ impl Run<'_> {
     }
 
     async fn end_item(&self, position: usize, outcome: Outcome, cause: Option<Cause>) -> Result<(), StoreError> {
-        let Some(item) = self.order.job.item(position) else { return Ok(()) };
+        let Some(item) = self.job().item(position) else { return Ok(()) };
         self.journal.emit(EventKind::ItemEnded { item: item.name.clone(), outcome, cause }).await
     }
 
@@ -365,7 +378,7 @@ impl Run<'_> {
             End::Done(Err(ProcedureError::Board(ref error))) if error.is_crowded() && !flight.is_empty() => {
                 // The line can carry each item alone, but not both at once.
                 self.one_by_one.set(true);
-                let name = self.order.job.item(landed.position).map(|item| item.name.as_str());
+                let name = self.job().item(landed.position).map(|item| item.name.as_str());
                 let text =
                     "the item did not fit on the line beside the others: from here on the items run one at a time";
                 self.note(NoteLevel::Info, text.into(), name).await?;
@@ -374,7 +387,7 @@ impl Run<'_> {
             }
             End::Done(ref done) => {
                 self.file_error_records(board, &landed).await?;
-                let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
+                let Some(item) = self.job().item(landed.position) else { return Ok(()) };
                 let (outcome, error) = self.judged(&landed, item, done.as_ref().err());
                 self.end_attempt(&landed, outcome, error).await
             }
@@ -401,7 +414,7 @@ impl Run<'_> {
         outcome: Outcome,
         error: Option<AttemptError>,
     ) -> Result<(), StoreError> {
-        let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
+        let Some(item) = self.job().item(landed.position) else { return Ok(()) };
         self.busy.borrow_mut().insert(landed.position, landed.busy);
         let (item, attempt) = (item.name.clone(), landed.attempt);
         self.journal.emit(EventKind::AttemptEnded { item, attempt, outcome, error }).await
@@ -414,7 +427,7 @@ impl Run<'_> {
         }
         let path = {
             let busy = self.busy.borrow();
-            self.order.job.critical_path(&|position| busy.get(&position).map(Duration::as_secs_f64))
+            self.job().critical_path(&|position| busy.get(&position).map(Duration::as_secs_f64))
         };
         let Some(path) = path else { return Ok(()) };
         let took_s = self.journal.look(|state| {
@@ -422,8 +435,7 @@ impl Run<'_> {
             let ended = state.rows().iter().filter_map(|row| row.ended).map(|stamp| stamp.elapsed_us).max();
             began.zip(ended).map_or(0.0, |(began, ended)| ended.saturating_sub(began) as f64 * 1e-6)
         });
-        let items =
-            path.items.iter().filter_map(|position| self.order.job.item(*position)).map(|item| item.name.as_str());
+        let items = path.items.iter().filter_map(|position| self.job().item(*position)).map(|item| item.name.as_str());
         let text = format!(
             "critical path {:.2} s of board time ({}), the items took {took_s:.2} s",
             path.span_s,

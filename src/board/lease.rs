@@ -59,6 +59,12 @@ impl<'a> BoardLease<'a> {
         Ok((reply, answer))
     }
 
+    /// Whether the board switches and measures the module's supply, by its HELLO.
+    #[must_use]
+    pub fn switches_supply(&self) -> bool {
+        self.board.hello().capabilities & gnc_protocol::message::capability::POWER != 0
+    }
+
     /// Test frames of the CAN bus that carries this conversation; `None` on another link.
     #[must_use]
     pub fn tap(&self) -> Option<&'a Tap> {

@@ -292,6 +292,12 @@ pub enum Device {
     Can,
     /// A person or a fixture that answers prompts.
     Operator,
+    /// The slave board's switch of the module's supply, which also measures it.
+    BoardSupply,
+    /// The slave board's own CAN.
+    BoardCan,
+    /// A calibration that the module keeps, and a slave board that compensates samples by it.
+    BoardCalibration,
 }
 
 impl Device {
@@ -302,6 +308,9 @@ impl Device {
             Device::Rs422 => "RS-422 link",
             Device::Can => "CAN link",
             Device::Operator => "operator",
+            Device::BoardSupply => "slave board that switches and measures the module's supply",
+            Device::BoardCan => "slave board with CAN",
+            Device::BoardCalibration => "module and slave board that keep a calibration",
         }
     }
 
@@ -314,6 +323,9 @@ impl Device {
             }
             Device::Can => "connect a CAN adapter, or make the item optional with optional = true",
             Device::Operator => "run the plan on a terminal, or make the item optional with optional = true",
+            Device::BoardSupply | Device::BoardCan | Device::BoardCalibration => {
+                "use a board that has it, or make the items optional with optional = true"
+            }
         }
     }
 }

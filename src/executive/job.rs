@@ -3,7 +3,8 @@
 use gnc_config::{Mistake, Mistakes, did_you_mean};
 use gnc_text::quoted;
 
-use crate::catalogue::{Device, Resource};
+use crate::catalogue::processor::{SUPPLY_CURRENT, SUPPLY_VOLTAGE};
+use crate::catalogue::{Device, ItemId, Resource};
 use crate::event::{PlannedItem, StopHow};
 use crate::outcome::{Cause, Outcome};
 use crate::plan::{OnFail, Phase, Plan, PlanItem};
@@ -28,7 +29,57 @@ impl BenchAbilities {
             Device::Rs422 => self.rs422,
             Device::Can => self.can,
             Device::Operator => self.operator,
+            // Its HELLO tells: see `Job::on_board`.
+            Device::BoardSupply | Device::BoardCan | Device::BoardCalibration => true,
         }
+    }
+}
+
+/// The abilities of a slave board, as its HELLO tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoardAbilities {
+    /// It switches and measures the module's supply.
+    pub supply: bool,
+    /// It has CAN.
+    pub can: bool,
+    /// The module keeps a calibration, and the board compensates samples by it.
+    pub calibration: bool,
+}
+
+impl BoardAbilities {
+    fn has(self, device: Device) -> bool {
+        match device {
+            Device::Slave | Device::Rs422 | Device::Can | Device::Operator => true,
+            Device::BoardSupply => self.supply,
+            Device::BoardCan => self.can,
+            Device::BoardCalibration => self.calibration,
+        }
+    }
+
+    /// What an item needs and the board lacks. The identity needs a board that measures the supply if the plan limits
+    /// the supply.
+    fn lacks(self, item: &PlanItem) -> Option<Device> {
+        let supply = [SUPPLY_VOLTAGE.name, SUPPLY_CURRENT.name];
+        let limits_supply = item.id == ItemId::Identity && supply.iter().any(|name| item.limit(name).is_some());
+        let needed = item.devices().chain(limits_supply.then_some(Device::BoardSupply));
+        needed.into_iter().find(|device| !self.has(*device))
+    }
+}
+
+/// The slave board cannot do what the plan asks for.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{} cannot run: there is no {}", items.join(", "), device.as_str())]
+pub struct BoardLacks {
+    /// The items that need it, as the plan names them.
+    pub items: Vec<String>,
+    /// What the board lacks.
+    pub device: Device,
+}
+
+impl BoardLacks {
+    /// What people can try.
+    pub fn try_this(&self) -> &'static str {
+        self.device.hint()
     }
 }
 
@@ -114,6 +165,28 @@ impl Job {
             missing.push(device);
         }
         mistakes.or(Job { selection: only.map(<[String]>::to_vec), plan, selected, missing })
+    }
+
+    /// The job on the slave board that answered. Items that the board cannot do are skipped if the plan calls them optional.
+    ///
+    /// # Errors
+    /// The first thing that the board lacks, and all items that need it and are not optional.
+    pub fn on_board(&self, board: BoardAbilities) -> Result<Job, BoardLacks> {
+        let mut job = self.clone();
+        let mut refused: Option<BoardLacks> = None;
+        let items = self.plan.items().iter().zip(&self.selected).zip(&mut job.missing);
+        for ((item, selected), missing) in items {
+            let Some(device) = board.lacks(item).filter(|_| *selected && missing.is_none()) else { continue };
+            if item.optional {
+                *missing = Some(device);
+                continue;
+            }
+            let lacks = refused.get_or_insert(BoardLacks { items: Vec::new(), device });
+            if lacks.device == device {
+                lacks.items.push(quoted(&item.name).to_string());
+            }
+        }
+        refused.map_or(Ok(job), Err)
     }
 
     /// The plan.

@@ -16,6 +16,11 @@ pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -
     recorder.text(&HARDWARE, &identity.hardware).await?;
     recorder.text(&FIRMWARE, &identity.firmware).await?;
     recorder.count(&PROTOCOL, identity.protocol.into()).await?;
+    if !bench.board.switches_supply() {
+        let why = "the board does not measure the supply";
+        recorder.not_available(&SUPPLY_VOLTAGE, why).await?;
+        return Ok(recorder.not_available(&SUPPLY_CURRENT, why).await?);
+    }
     // Switching on a module that is on measures the supply again, now with the module at work.
     let supply = bench.board.call(&ModulePower { on: 1 }).await?;
     recorder.number(&SUPPLY_VOLTAGE, f64::from(supply.supply_uv) * 1e-6, Unit::Volt).await?;

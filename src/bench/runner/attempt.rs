@@ -57,7 +57,7 @@ impl Run<'_> {
                 _ = self.control.asked_times(1) => {}
                 () = lease.clear() => {}
             }
-            if uses(Resource::Power) {
+            if uses(Resource::Power) && lease.switches_supply() {
                 // The item may have left the module without power. If it stays off, the next item finds out.
                 let _ = lease.call(&ModulePower { on: 1 }).await;
             }

@@ -6,10 +6,11 @@ use chrono::Utc;
 use gnc_board::breach::rule;
 use gnc_board::{BoardClient, BoardError, BoardLease, Readings};
 use gnc_executive::event::{BoardInfo as BoardEvent, EventKind, NoteLevel, Power};
+use gnc_executive::job::{BoardAbilities, BoardLacks};
 use gnc_link::{Link, LinkError, Target};
 use gnc_protocol::PROTOCOL_VERSION;
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
-use gnc_protocol::message::{Flash, FlashId, Identity, MakeSafe, ModulePower, capability};
+use gnc_protocol::message::{Flash, FlashId, Identity, MakeSafe, ModulePower, PowerReply, capability};
 use gnc_records::resume::ResumeError;
 use gnc_records::store::StoreError;
 use gnc_text::with_causes;
@@ -101,8 +102,24 @@ impl Run<'_> {
         self.note(NoteLevel::Warning, text.into(), None).await
     }
 
+    /// Holds the plan against what the board says that it can do.
+    pub(super) fn fit(&self, board: &BoardClient) -> Result<(), BoardLacks> {
+        let has = |bit: u32| board.hello().capabilities & bit != 0;
+        let abilities = BoardAbilities {
+            supply: has(capability::POWER),
+            can: has(capability::CAN),
+            calibration: has(capability::CALIBRATION),
+        };
+        let job = self.order.job.on_board(abilities)?;
+        let _ = self.on_board.set(job);
+        Ok(())
+    }
+
     pub(super) async fn power_on(&self, board: &BoardClient, item: Option<&str>) -> Result<bool, StoreError> {
         let lease = self.own_desk(board);
+        if !lease.switches_supply() {
+            return self.is_on(&lease, "the board does not switch it", None, item).await;
+        }
         let switched = tokio::select! {
             biased;
             asked = self.control.asked_times(1), if self.control.asked().times == 0 => Err(asked),
@@ -113,24 +130,7 @@ impl Run<'_> {
                 self.stop_in_order(asked).await?;
                 Ok(false)
             }
-            Ok(Ok(supply)) => {
-                let power = Power {
-                    on: true,
-                    supply: "slave board".into(),
-                    voltage_v: Some(f64::from(supply.supply_uv) * 1e-6),
-                    current_a: Some(f64::from(supply.supply_ua) * 1e-6),
-                    calibration: calibration(&lease).await,
-                };
-                let fits = self.takes_up(&power).map_err(|unlike| told(&unlike, unlike.try_this()));
-                self.journal.emit(EventKind::Power(power)).await?;
-                let same = match fits {
-                    Ok(()) => self.is_same(&lease).await.map_err(|changed| told(&changed, changed.try_this())),
-                    unlike => unlike,
-                };
-                let Err(text) = same else { return Ok(true) };
-                self.note(NoteLevel::Error, text, item).await?;
-                Ok(false)
-            }
+            Ok(Ok(supply)) => self.is_on(&lease, "slave board", Some(supply), item).await,
             Ok(Err(error)) => {
                 // A module that draws too much, or pulls the board down with it, is a bad module and not a bad bench.
                 let module = matches!(error, BoardError::Fault { .. } | BoardError::Restarted { .. });
@@ -144,6 +144,32 @@ impl Run<'_> {
                 Ok(false)
             }
         }
+    }
+
+    /// Files that the module is under power. `false`: it is not the module that the run must have.
+    async fn is_on(
+        &self,
+        lease: &BoardLease<'_>,
+        supply: &str,
+        measured: Option<PowerReply>,
+        item: Option<&str>,
+    ) -> Result<bool, StoreError> {
+        let power = Power {
+            on: true,
+            supply: supply.to_owned(),
+            voltage_v: measured.as_ref().map(|reply| f64::from(reply.supply_uv) * 1e-6),
+            current_a: measured.as_ref().map(|reply| f64::from(reply.supply_ua) * 1e-6),
+            calibration: calibration(lease).await,
+        };
+        let fits = self.takes_up(&power).map_err(|unlike| told(&unlike, unlike.try_this()));
+        self.journal.emit(EventKind::Power(power)).await?;
+        let same = match fits {
+            Ok(()) => self.is_same(lease).await.map_err(|changed| told(&changed, changed.try_this())),
+            unlike => unlike,
+        };
+        let Err(text) = same else { return Ok(true) };
+        self.note(NoteLevel::Error, text, item).await?;
+        Ok(false)
     }
 
     /// Checks that the module of an earlier session of the run is still in the socket. If the module does not answer, the items
@@ -168,9 +194,6 @@ impl Run<'_> {
     /// Whether the module answers although the board has made itself safe. Every request that needs the module's power
     /// is then refused; this one reads the number of a part and changes nothing.
     async fn stays_powered(&self, board: &BoardClient) -> bool {
-        if board.hello().capabilities & capability::POWER == 0 {
-            return false;
-        }
         let (lease, question) = (self.own_desk(board), FlashId { flash: Flash::Spi as u8 });
         let answer = timeout(SAFE_WITHIN, lease.call(&question)).await;
         let answered = matches!(answer, Ok(Ok(_) | Err(BoardError::Fault { .. })));
@@ -187,7 +210,8 @@ impl Run<'_> {
         } else {
             timeout(SAFE_WITHIN, self.own_desk(&board).call(&MakeSafe {})).await
         };
-        let stays_powered = matches!(safe, Ok(Ok(()))) && self.stays_powered(&board).await;
+        let switches = board.hello().capabilities & capability::POWER != 0;
+        let stays_powered = switches && matches!(safe, Ok(Ok(()))) && self.stays_powered(&board).await;
         self.tell_absences(&board).await?;
         self.all_breaches(&board.breaches()).await?;
         let report = timeout(SAFE_WITHIN, board.close()).await.unwrap_or_default();
@@ -198,6 +222,7 @@ impl Run<'_> {
                             before you touch the module";
                 self.note(NoteLevel::Error, text.into(), None).await?;
             }
+            Ok(Ok(())) if !switches => {}
             Ok(Ok(())) => {
                 let power = Power {
                     on: false,

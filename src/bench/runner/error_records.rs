@@ -14,7 +14,7 @@ const MAX_RECORDS: usize = 64;
 impl Run<'_> {
     /// Files what the board found wrong during an attempt. A failure to read it gives a line in the log, not a verdict.
     pub(super) async fn file_error_records(&self, board: &BoardClient, landed: &Landed) -> Result<(), StoreError> {
-        let Some(item) = self.order.job.item(landed.position) else { return Ok(()) };
+        let Some(item) = self.job().item(landed.position) else { return Ok(()) };
         for _ in 0..MAX_RECORDS {
             let reply = match self.own_desk(board).call(&ErrorRecords { from: self.records_read.get() }).await {
                 Ok(reply) => reply,

@@ -66,7 +66,9 @@ pub async fn look(target: &Target, control: &RunControl, readings: &watch::Sende
 
 /// Ends only with an error of the board.
 async fn show(lease: &BoardLease<'_>) -> Result<(), BoardError> {
-    lease.call(&ModulePower { on: 1 }).await?;
+    if lease.switches_supply() {
+        lease.call(&ModulePower { on: 1 }).await?;
+    }
     let mut imu = lease.listen(StreamId::Imu).await?;
     let mut gnss = lease.listen(StreamId::Gnss).await?;
     let mut pulses = lease.listen(StreamId::Pps).await?;

@@ -50,7 +50,7 @@ impl Run<'_> {
             _ => String::new(),
         });
         for landed in &ended {
-            let Some(item) = self.order.job.item(landed.position) else { continue };
+            let Some(item) = self.job().item(landed.position) else { continue };
             let trouble = match &landed.end {
                 End::Done(done) => done.as_ref().err(),
                 End::Stopped(asked) => {
@@ -73,7 +73,7 @@ impl Run<'_> {
             }
         }
         self.end_spoilt_items(text.as_deref()).await?;
-        let name = culprit.and_then(|position| self.order.job.item(position)).map(|item| item.name.clone());
+        let name = culprit.and_then(|position| self.job().item(position)).map(|item| item.name.clone());
         if let Some(error @ BoardError::Away { .. }) = absence {
             let wait_s = RETURNS_WITHIN.as_secs();
             let text = format!("{error}; {}: the run waits at most {wait_s} s for it", error.try_this());

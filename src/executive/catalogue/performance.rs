@@ -149,7 +149,7 @@ pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
         [TEMPERATURE, TEMPERATURE_DRIFT],
         OF_SAMPLES,
     ],
-    devices: &[Device::Slave],
+    devices: &[Device::Slave, Device::BoardSupply],
     resources: &[Resource::Still, Resource::Link, Resource::Power],
     needs: COMPENSATED,
     timeout_s: 80_000.0,

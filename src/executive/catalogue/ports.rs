@@ -121,7 +121,7 @@ pub(super) static CAN: ItemSpec = ItemSpec {
         ADAPTER_ERRORS,
         BUS_OFF,
     ],
-    devices: &[Device::Slave, Device::Can],
+    devices: &[Device::Slave, Device::Can, Device::BoardCan],
     resources: &[Resource::CanBus],
     needs: &[],
     timeout_s: 30.0,

@@ -70,7 +70,7 @@ pub(super) static POWER_CYCLE: ItemSpec = ItemSpec {
         OFF_VOLTAGE,
         OFF_CURRENT,
     ],
-    devices: &[Device::Slave],
+    devices: &[Device::Slave, Device::BoardSupply],
     resources: &[Resource::Power],
     needs: &[],
     timeout_s: 600.0,
