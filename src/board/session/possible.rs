@@ -266,3 +266,161 @@ fn captures(board_time_us: u64, samples: &[u8]) -> Possible {
         format!("an edge at {edge_us} us in a frame of {board_time_us} us")
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use gnc_protocol::message::{
+        AdChannel, AdRead, Call, CanCounters, ErrorRecord, ErrorRecords, FlashErase, FlashId, Identity, IoTest,
+        ModulePower, RamTest, SpiTransfer, StreamStop,
+    };
+    use gnc_protocol::stream::StreamHead;
+    use gnc_protocol::wire::{List, text};
+
+    use super::*;
+
+    /// The section that an answer breaks, if it breaks one.
+    fn broken<C: Call>(call: &C, reply: &C::Reply, elapsed_us: u64) -> Option<u8> {
+        let (asked, body) = (call.to_payload().unwrap(), reply.to_payload().unwrap());
+        check(C::ID, &asked, &body, Duration::from_micros(elapsed_us)).err().map(|impossible| impossible.rule.section)
+    }
+
+    fn list<T: Clone, const N: usize>(elements: &[T]) -> List<T, N> {
+        List::from_slice(elements).unwrap()
+    }
+
+    #[test]
+    fn a_supply_may_be_bad_but_not_two_kilovolts() {
+        let power =
+            |supply_uv, supply_ua| broken(&ModulePower { on: 1 }, &PowerReply { supply_uv, supply_ua }, 150_000);
+        assert_eq!(power(5_012_345, 491_234), None);
+        assert_eq!(power(1_200_000, 2_100_000), None, "a short");
+        assert_eq!(power(0, 0), None, "no supply");
+        assert_eq!(power(2_052_000_000, 491_234), Some(11));
+        assert_eq!(power(5_000_000, 491_234_000), Some(11));
+    }
+
+    #[test]
+    fn intervals_fill_the_time_of_their_request() {
+        let asked = TimerMeasure { timer: 0, period_us: 5000, count: 4 };
+        let timer = |interrupts, intervals_ns: &[u32], elapsed_us| {
+            broken(&asked, &TimerMeasureReply { interrupts, intervals_ns: list(intervals_ns) }, elapsed_us)
+        };
+        assert_eq!(timer(4, &[5_000_010; 4], 20_001), None);
+        assert_eq!(timer(4, &[10_000_000; 4], 40_000), None, "a timer of half the rate");
+        assert_eq!(timer(3, &[5_000_000, 10_000_000, 5_000_000], 20_000), None, "an interrupt is missing");
+        assert_eq!(timer(0, &[], 200_000), None, "a dead timer");
+        assert_eq!(timer(4, &[5_000_000; 4], 2_000), Some(11), "four intervals of 5 ms in 2 ms");
+        assert_eq!(timer(4, &[5_000; 4], 300_000), Some(11), "microseconds instead of nanoseconds");
+        assert_eq!(timer(4, &[5_000_000; 3], 20_000), Some(11));
+        assert_eq!(timer(5, &[4_000_000; 5], 20_000), Some(11));
+    }
+
+    #[test]
+    fn texts_hold_no_control_characters() {
+        let identity = |serial: &str| {
+            let serial_number = text(serial);
+            broken(&Identity {}, &IdentityReply { serial_number, ..IdentityReply::default() }, 20_000)
+        };
+        assert_eq!(identity("GNC-2026-000123"), None);
+        assert_eq!(identity("Прибор № 7"), None);
+        assert_eq!(identity("GNC\0\0\0\0"), Some(5));
+    }
+
+    #[test]
+    fn mismatches_lie_in_their_memory() {
+        let found = |words, mismatches, first_place, expected, got| {
+            let reply = MismatchReply { words, mismatches, first_place, expected, got };
+            broken(&RamTest { ram: 0, pattern: 0 }, &reply, 4000)
+        };
+        assert_eq!(found(65_536, 0, 0, 0, 0), None);
+        assert_eq!(found(65_536, 3, 65_535, 0, 0x8000), None);
+        assert_eq!(found(65_537, 0, 0, 0, 0), Some(11));
+        assert_eq!(found(65_536, 1, 65_536, 0, 1), Some(11));
+        assert_eq!(found(65_536, 1, 7, 5, 5), Some(11));
+        assert_eq!(found(65_536, 1, 7, 0, 0x1_0000), Some(11));
+    }
+
+    #[test]
+    fn a_flash_is_busy_no_longer_than_its_request() {
+        let erase = |duration_us, elapsed_us| {
+            broken(&FlashErase { flash: 0, sector: 0 }, &DurationReply { duration_us }, elapsed_us)
+        };
+        assert_eq!(erase(60_000, 60_010), None);
+        assert_eq!(erase(60_500, 60_000), None, "rounded");
+        assert_eq!(erase(60_000_000, 60_000), Some(11));
+        let id = |sector_bytes| {
+            let reply = FlashIdReply { jedec: [0; 3], sector_bytes, scratch_sectors: 4 };
+            broken(&FlashId { flash: 0 }, &reply, 1000)
+        };
+        assert_eq!((id(4096), id(0), id(4098)), (None, Some(11), Some(11)));
+    }
+
+    #[test]
+    fn the_converter_gives_the_channels_asked_for_within_its_range() {
+        let channel = |channel, mean_uv, min_uv, max_uv| AdChannel { channel, mean_uv, min_uv, max_uv };
+        let read = |channels: &[AdChannel]| {
+            broken(&AdRead { channels: 0b101, samples: 16 }, &AdReadReply { channels: list(channels) }, 2600)
+        };
+        let first = channel(1, 2_500_000, 2_499_000, 2_501_000);
+        assert_eq!(read(&[first.clone(), channel(3, 6_144_000, 6_144_000, 6_144_000)]), None);
+        assert_eq!(read(&[first.clone(), channel(3, 0, -93, 93)]), None, "noise around nothing");
+        for wrong in
+            [channel(2, 1, 1, 1), channel(3, 5, 6, 7), channel(3, 2_500, 2_400, 2_000_000_000), channel(0, 1, 1, 1)]
+        {
+            assert_eq!(read(&[first.clone(), wrong.clone()]), Some(11), "{wrong:?}");
+        }
+        assert_eq!(read(&[first]), Some(11), "a channel is missing");
+    }
+
+    #[test]
+    fn the_other_answers_fit_their_requests() {
+        let io = |levels| broken(&IoTest { driver: 0, reader: 1, level: 1 }, &IoTestReply { levels }, 1000);
+        assert_eq!((io(0b1001), io(0b1_0000)), (None, Some(11)));
+        let spi = |seen: &[u8]| {
+            let asked = SpiTransfer { direction: 0, clock_hz: 1_000_000, data: list(&[1, 2, 3]) };
+            broken(&asked, &SpiTransferReply { data: list(seen) }, 300)
+        };
+        assert_eq!((spi(&[1]), spi(&[1, 2, 3, 4])), (None, Some(11)));
+        let account =
+            |produced, dropped| broken(&StreamStop { stream: 1 }, &StreamStopReply { produced, dropped }, 1000);
+        assert_eq!((account(5, 5), account(5, 6)), (None, Some(10)));
+        let counters = |state, received, echoed| {
+            broken(&CanCounters {}, &CanCountersReply { state, tx_errors: 0, rx_errors: 0, received, echoed }, 1000)
+        };
+        assert_eq!((counters(2, 9, 3), counters(3, 9, 9), counters(0, 3, 9)), (None, Some(11), Some(11)));
+        let records = |total, indices: &[u16]| {
+            let records: Vec<ErrorRecord> =
+                indices.iter().map(|index| ErrorRecord { index: *index, ..ErrorRecord::default() }).collect();
+            broken(&ErrorRecords { from: 0 }, &ErrorRecordsReply { total, records: list(&records) }, 0)
+        };
+        assert_eq!((records(3, &[0, 2]), records(3, &[0, 3]), records(3, &[2, 1])), (None, Some(11), Some(11)));
+        let start = |format, samples_per_frame| {
+            let asked = StreamStart { stream: 1, rate_hz: 1000, count: 0, samples_per_frame: 10 };
+            broken(&asked, &StreamStartReply { format, samples_per_frame, load_permille: 473 }, 1000)
+        };
+        assert_eq!((start(1, 10), start(2, 10), start(1, 12)), (None, Some(11), Some(11)));
+    }
+
+    #[test]
+    fn samples_have_24_bits_and_captures_are_of_their_time() {
+        let section = |id: StreamId, format: Format, samples: &[u8], count| {
+            let head = StreamHead {
+                stream: id as u8,
+                format: format as u8,
+                count,
+                board_time_us: 7_000_000,
+                ..StreamHead::default()
+            };
+            frame(id, &SampleFrame { head, samples: samples.into() }).err().map(|impossible| impossible.rule.section)
+        };
+        let sample = |code: i32| [&code.to_le_bytes()[..], &[0; 36]].concat();
+        let imu = |code| section(StreamId::Imu, Format::Imu, &sample(code), 1);
+        assert_eq!((imu(SATURATION), imu(-SATURATION - 1)), (None, None), "the ends");
+        assert_eq!((imu(SATURATION + 1), imu(i32::MIN)), (Some(10), Some(10)));
+        let pulse = |ns: u64| section(StreamId::Pps, Format::Pps, &ns.to_le_bytes(), 1);
+        assert_eq!((pulse(7_000_000_120), pulse(7_000_000), pulse(7_000_000_000_000)), (None, Some(10), Some(10)));
+        assert_eq!(section(StreamId::Gnss, Format::Bytes, b"$GN", 3), None);
+        assert_eq!(section(StreamId::Gnss, Format::Bytes, b"$GN", 4), Some(10), "a byte is missing");
+        assert_eq!(section(StreamId::Gnss, Format::Imu, b"$GN", 3), Some(10));
+    }
+}
