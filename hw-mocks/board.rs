@@ -16,6 +16,7 @@ use gnc_protocol::slave::{BoardIdentity, BoardOutput, RequestRefusal, SlaveBoard
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::text;
 
+use crate::breaches::Breaches;
 use crate::module::Module;
 use crate::noise::{Dice, RandomStream};
 use crate::oscillator::Oscillator;
@@ -78,6 +79,11 @@ pub(crate) struct SimulatedBoard {
     boot_dice: Dice,
     pub(crate) oscillator: Oscillator,
     sampling: SamplingFaults,
+    /// How it breaks the interface document.
+    breaches: Breaches,
+    /// Whether making safe leaves the module on power until [`SimulatedBoard::finish_power_off`].
+    pub(crate) power_off_waits: bool,
+    power_off_begun: bool,
     rate_baud: u32,
     /// The link of the session, which carries the streams.
     carrier: BoardPort,
@@ -108,7 +114,7 @@ impl SimulatedBoard {
         let mut boot_dice = Dice::new(seed, RandomStream::Boot);
         let model = &personality.model;
         let at_time = |trigger: &RebootTrigger| trigger.at_board_time_s.map(|time_s| (time_s * 1e9) as u64);
-        Self {
+        let mut board = Self {
             module: Module::new(personality, serial_number, seed),
             world,
             link_counters: LinkCountersReply::default(),
@@ -121,6 +127,9 @@ impl SimulatedBoard {
             boot_dice,
             oscillator: model.oscillator,
             sampling: model.sampling,
+            breaches: model.breaches.clone(),
+            power_off_waits: false,
+            power_off_begun: false,
             rate_baud,
             carrier: BoardPort::Serial,
             powered: false,
@@ -139,7 +148,9 @@ impl SimulatedBoard {
             restarts: 0,
             serial: model.board_serial.clone(),
             firmware: model.board_firmware.clone(),
-        }
+        };
+        board.set_power(board.breaches.hello.no_power_switch);
+        board
     }
 
     /// Begins a session on a link.
@@ -269,7 +280,16 @@ impl SimulatedBoard {
         }
     }
 
+    /// Switches off what MAKE_SAFE left on.
+    pub(crate) fn finish_power_off(&mut self) {
+        if std::mem::take(&mut self.power_off_begun) {
+            self.set_power(false);
+        }
+    }
+
     fn set_power(&mut self, on: bool) {
+        self.power_off_begun = false;
+        let on = on || self.breaches.hello.no_power_switch;
         if on == self.powered {
             return;
         }
@@ -312,6 +332,9 @@ impl SimulatedBoard {
             needs_power(&what) && !(self.identity_cache.is_some() && matches!(what, Request::Identity(_)));
         if !self.powered && asks_module {
             return Err(RequestRefusal::new(NakCode::NotPowered, "switch the module's supply on first"));
+        }
+        if let Some(refusal) = self.breaches.hello.lacks(&what) {
+            return Err(refusal);
         }
         let message = what.id();
         let trigger = what.clone();
@@ -372,7 +395,7 @@ impl SlaveBoard for SimulatedBoard {
     fn identity(&self) -> BoardIdentity {
         BoardIdentity {
             boot_id: self.boot_id,
-            capabilities: capability::POWER | capability::CAN | capability::CALIBRATION,
+            capabilities: self.breaches.hello.left_of(capability::POWER | capability::CAN | capability::CALIBRATION),
             serial: text(&self.serial),
             firmware: text(&self.firmware),
         }
@@ -420,7 +443,11 @@ impl SlaveBoard for SimulatedBoard {
         self.cut_off_jobs();
         self.outputs.clear();
         self.drop_streams();
-        self.set_power(false);
+        if self.power_off_waits {
+            self.power_off_begun = true;
+        } else {
+            self.set_power(false);
+        }
     }
 
     fn new_session(&mut self) {
