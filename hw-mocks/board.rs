@@ -7,6 +7,7 @@ mod feed;
 mod finish;
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use gnc_protocol::error::NakCode;
 use gnc_protocol::message::{
@@ -75,6 +76,8 @@ pub(crate) struct SimulatedBoard {
     pub line_room: usize,
     now_ns: u64,
     booted_ns: u64,
+    /// Bench time at which the board's clock began.
+    clock_from_ns: u64,
     boot_id: u32,
     boot_dice: Dice,
     pub(crate) oscillator: Oscillator,
@@ -84,6 +87,9 @@ pub(crate) struct SimulatedBoard {
     /// Whether making safe leaves the module on power until [`SimulatedBoard::finish_power_off`].
     pub(crate) power_off_waits: bool,
     power_off_begun: bool,
+    power_off_at_ns: Option<u64>,
+    /// Stream frames made, for those that get lost on the board.
+    frames_made: u32,
     rate_baud: u32,
     /// The link of the session, which carries the streams.
     carrier: BoardPort,
@@ -130,6 +136,9 @@ impl SimulatedBoard {
             breaches: model.breaches.clone(),
             power_off_waits: false,
             power_off_begun: false,
+            power_off_at_ns: None,
+            frames_made: 0,
+            clock_from_ns: 0,
             rate_baud,
             carrier: BoardPort::Serial,
             powered: false,
@@ -220,7 +229,7 @@ impl SimulatedBoard {
         };
         let boot = self.is_booting().then_some(self.booted_ns + BOOT_NS);
         let streams = self.streams.iter().map(|stream| self.stream_due_ns(stream));
-        self.jobs.iter().map(job).chain(streams).chain(boot).chain(self.reboot_at_ns).min()
+        self.jobs.iter().map(job).chain(streams).chain(boot).chain(self.reboot_at_ns).chain(self.power_off_at_ns).min()
     }
 
     /// Lets time pass up to `to_ns`: everything that is due until then happens in its order.
@@ -239,6 +248,11 @@ impl SimulatedBoard {
             return;
         }
         self.run_streams();
+        if self.power_off_at_ns.is_some_and(|at_ns| at_ns <= self.now_ns) {
+            self.power_off_at_ns = None;
+            self.close_streams();
+            self.set_power(false);
+        }
         self.run_patterns();
         while let Some(index) = self.jobs.iter().position(|job| job.ends_ns <= self.now_ns) {
             let job = self.jobs.swap_remove(index);
@@ -257,8 +271,14 @@ impl SimulatedBoard {
         self.log = ErrorLog::default();
         self.identity_cache = None;
         self.set_power(false);
-        self.boot_id = self.boot_dice.word();
+        let boot_id = self.boot_dice.word();
+        if !self.breaches.restarts.keeps_boot_id {
+            self.boot_id = boot_id;
+        }
         self.booted_ns = self.now_ns;
+        if !self.breaches.restarts.clock_runs_on {
+            self.clock_from_ns = self.now_ns;
+        }
         self.restarted = true;
         self.restarts += 1;
     }
@@ -294,6 +314,8 @@ impl SimulatedBoard {
             return;
         }
         self.powered = on;
+        let after_ns = |span: Duration| self.now_ns + u64::try_from(span.as_nanos()).unwrap_or(u64::MAX / 2);
+        self.power_off_at_ns = self.breaches.state.powers_off_after.filter(|_| on).map(after_ns);
         let now_s = self.true_s(self.now_ns);
         self.still = None;
         self.world.set_powered(on, now_s);
@@ -313,7 +335,12 @@ impl SimulatedBoard {
     }
 
     fn board_us(&self, bench_ns: u64) -> u64 {
-        bench_ns.saturating_sub(self.booted_ns) / 1000
+        self.board_ns(bench_ns) / 1000
+    }
+
+    /// What the board's clock shows at a bench time.
+    fn board_ns(&self, bench_ns: u64) -> u64 {
+        self.breaches.restarts.shown_ns(bench_ns.saturating_sub(self.clock_from_ns))
     }
 
     fn arm_reboot(&mut self, request: &Request) {
@@ -445,7 +472,7 @@ impl SlaveBoard for SimulatedBoard {
         self.drop_streams();
         if self.power_off_waits {
             self.power_off_begun = true;
-        } else {
+        } else if !self.breaches.state.safe_keeps_power {
             self.set_power(false);
         }
     }

@@ -5,6 +5,7 @@
 //! frame passes through the filters, so that a good board is the same to the byte. Delays are link time.
 
 pub(crate) mod answers;
+pub(crate) mod board;
 pub(crate) mod conversation;
 pub(crate) mod wire;
 
@@ -15,12 +16,18 @@ use gnc_protocol::message::{Request, capability};
 use gnc_protocol::slave::RequestRefusal;
 use gnc_protocol::stream::StreamId;
 
+use board::{RestartBreaches, StateBreaches, StreamBreaches, ValueBreaches};
+
 /// All breaches of a board.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Breaches {
     pub(crate) timing: TimingBreaches,
     pub(crate) talk: TalkBreaches,
     pub(crate) hello: HelloBreaches,
+    pub(crate) restarts: RestartBreaches,
+    pub(crate) state: StateBreaches,
+    pub(crate) values: ValueBreaches,
+    pub(crate) streams: StreamBreaches,
 }
 
 impl Breaches {
@@ -29,6 +36,8 @@ impl Breaches {
         self.timing == TimingBreaches::default()
             && self.talk == TalkBreaches::default()
             && self.hello == HelloBreaches::default()
+            && self.state.bits_set | self.state.bits_cleared == 0
+            && !self.streams.before_result
     }
 }
 

@@ -2,7 +2,7 @@
 
 use gnc_protocol::Call as _;
 use gnc_protocol::frame::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload};
-use gnc_protocol::message::{Abort, BoardHello, Nak, Progress};
+use gnc_protocol::message::{Abort, BoardHello, Heartbeat, Nak, Progress, event};
 use gnc_protocol::wire::Wire;
 
 use super::{Breaches, HelloBreaches};
@@ -58,6 +58,12 @@ pub(super) fn spoil(breaches: &Breaches, frame: &mut Frame, results: u32) {
                 let _ = frame.payload.extend_from_slice(&status.to_le_bytes());
                 let _ = frame.payload.extend_from_slice(&elapsed);
                 let _ = frame.payload.extend_from_slice(STRANGE_STATUS);
+            }
+        }
+        Kind::Event if frame.header.message == event::HEARTBEAT => {
+            if let Ok(beat) = Heartbeat::from_payload(&frame.payload) {
+                let state = (beat.state | breaches.state.bits_set) & !breaches.state.bits_cleared;
+                replace(&mut frame.payload, &Heartbeat { state, ..beat });
             }
         }
         Kind::Stream if talk.stream_request_id != 0 => frame.header.request = talk.stream_request_id,

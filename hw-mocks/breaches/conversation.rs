@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use gnc_protocol::Call as _;
 use gnc_protocol::frame::{Flags, Frame, Kind, PROTOCOL_VERSION};
-use gnc_protocol::message::{Heartbeat, HostHello, MAGIC, MakeSafe, Progress, event};
+use gnc_protocol::message::{Heartbeat, HostHello, MAGIC, MakeSafe, Progress, StreamStart, event};
 use gnc_protocol::slave::{KEPT_RESULTS, Slave, SlaveBoard};
 use gnc_protocol::timing::WATCHDOG;
 use gnc_protocol::wire::Wire;
@@ -19,6 +19,11 @@ const AGAIN: u16 = 0xf000;
 const AGAIN_COUNT: u16 = 0x0f00;
 /// Such ids that are kept. As many requests run at once at most, and some that ended may still be asked for.
 const KEPT_AGAIN: usize = 32;
+
+/// How long a RESULT that comes behind the first samples waits: on CAN they have left by then.
+const BEHIND_SAMPLES: Duration = Duration::from_millis(30);
+/// How long it waits for them: a stream without samples begins all the same.
+const WITHOUT_SAMPLES: Duration = Duration::from_secs(2);
 
 /// A request that the board accepted and has not ended.
 #[derive(Debug)]
@@ -43,6 +48,8 @@ pub(crate) struct TalkFilter {
     /// Ids under which the board knows requests that came again, and their own ids.
     again: VecDeque<(u16, u16)>,
     again_next: u16,
+    /// The RESULT of a StreamStart that waits for the stream's first frame, and until when.
+    awaits: Option<(Duration, Frame)>,
     nonce: Option<u32>,
     in_session: bool,
     /// The host's last sign of life.
@@ -66,6 +73,7 @@ impl TalkFilter {
             ended: VecDeque::new(),
             again: VecDeque::new(),
             again_next: 0,
+            awaits: None,
             nonce: None,
             in_session: false,
             heard: Duration::ZERO,
@@ -147,6 +155,7 @@ impl TalkFilter {
         self.swapped.clear();
         self.ended.clear();
         self.again.clear();
+        self.awaits = None;
     }
 
     /// Gives a request that ended before a new id, so that the board does not know it.
@@ -191,6 +200,9 @@ impl TalkFilter {
 
     /// Sends by itself what the board's end of the conversation sends at other times.
     pub(crate) fn tick(&mut self, slave: &Slave, board: &impl SlaveBoard, now: Duration) {
+        if let Some((_, result)) = self.awaits.take_if(|(until, _)| *until <= now) {
+            self.emit(Some(result), now);
+        }
         let every = |span: Option<Duration>| span.filter(|span| !span.is_zero());
         if let Some(every) = every(self.breaches.timing.progress_every) {
             let mut due = Vec::new();
@@ -234,7 +246,8 @@ impl TalkFilter {
         let beat = timing.heartbeat_every.filter(goes).map(|_| self.beat_due);
         let progress = self.running.iter().map(|running| running.progress_due).min();
         let progress = progress.filter(|_| timing.progress_every.is_some_and(|every| goes(&every)));
-        [held, watchdog, beat, progress].into_iter().flatten().min()
+        let awaits = self.awaits.as_ref().map(|(until, _)| *until);
+        [held, awaits, watchdog, beat, progress].into_iter().flatten().min()
     }
 
     fn take(&mut self, mut frame: Frame, now: Duration) {
@@ -266,7 +279,13 @@ impl TalkFilter {
             Kind::Result => self.take_result(frame, now),
             Kind::Event if message == event::HEARTBEAT && timing.heartbeat_every.is_some() => {}
             Kind::Event if message == event::HEARTBEAT => self.beat(Some(frame), now),
-            Kind::Progress | Kind::Stream | Kind::Event | Kind::Request => self.emit(Some(frame), now),
+            Kind::Stream => {
+                self.emit(Some(frame), now);
+                if let Some((_, result)) = self.awaits.take() {
+                    self.emit(Some(result), now + BEHIND_SAMPLES);
+                }
+            }
+            Kind::Progress | Kind::Event | Kind::Request => self.emit(Some(frame), now),
         }
     }
 
@@ -281,6 +300,10 @@ impl TalkFilter {
                 self.ended.pop_front();
             }
             self.ended.push_back((request, message));
+        }
+        if self.breaches.streams.before_result && is_new && message == StreamStart::ID {
+            self.awaits = Some((now + WITHOUT_SAMPLES, frame));
+            return;
         }
         if talk.swaps_request_ids && is_new {
             frame.header.request = self.swap(request);

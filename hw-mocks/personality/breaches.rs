@@ -49,6 +49,40 @@
 //! no_power_switch = true               # the module always has power
 //! no_can = true
 //! no_calibration = true
+//!
+//! ## Restarts and the clock.
+//! keeps_boot_id = true
+//! clock_runs_on = true                 # over a restart
+//! clock_back_at_s = 5.0                # of board time, after each start ...
+//! clock_back_s = 2.0                   # ... it goes back by so much
+//!
+//! ## State and power.
+//! state_bits_set = [1]                 # bits that the heartbeat always has: it says that the module has power
+//! state_bits_cleared = [0, 3]          # bits that it never has: no session, no streams
+//! safe_keeps_power = true              # MAKE_SAFE, the watchdog and a new session leave the module's supply on
+//! powers_off_after_s = 30.0            # after each power-on, by itself
+//! over_current_at_power_on = true      # the board switches off again, status 3, error record of kind 9
+//!
+//! ## Values.
+//! supply_uv_times = 1000.0
+//! supply_ua_times = 0.001
+//! timer_intervals_times = 0.1          # their sum is not elapsed_us
+//! flash_durations_times = 1000.0
+//! pps_times = 0.001
+//! imu_shift_bits = 8                   # codes lie in the upper 24 bits; on CAN they are cut off at the ends
+//! ad_channels = "falling"              # or "from-zero"
+//! extra_words = 1                      # of CpuWords
+//!
+//! ## Streams.
+//! stream_numbers_from = 1
+//! produced_off = -3                    # in the account of StreamStop
+//! drops_frame_every = 10               # stream frames (on CAN samples): it is lost on the board and not counted
+//! stream_times_times = 0.001           # board_time_us of frames
+//! streams_go_on = true                 # after StreamStop
+//! samples_before_result = true         # of StreamStart
+//! samples_a_frame = 3                  # RS-422: whatever was asked for
+//! extra_samples = 5                    # beyond the count asked for
+//! repeats = { samples = 50, of = 200 } # the last ones of so many are copies, on all channels
 //! # "#;
 //! # hw_mocks::Personality::from_toml("everything", text).unwrap();
 //! ```
@@ -56,13 +90,23 @@
 use std::time::Duration;
 
 use gnc_config::{TomlEntry, TomlTable};
+use gnc_protocol::stream::MAX_IMU_SAMPLES;
 use gnc_protocol::timing::{ACCEPT_WITHIN, PROGRESS_EVERY};
 
-use super::checks::{choice, count, needs, whole};
+use super::checks::{choice, count, needs, required_whole, whole};
+use crate::breaches::board::{AdOrder, Repeats, RestartBreaches, StateBreaches, StreamBreaches, ValueBreaches};
 use crate::breaches::{Breaches, HelloBreaches, StrangeAnswer, TalkBreaches, TimingBreaches};
 
 /// Longest time of a key: a minute. No host waits so long.
 const LONGEST_MS: f64 = 60_000.0;
+/// Longest board time of a key: a day.
+const DAY_S: f64 = 86_400.0;
+/// Factors of a unit mistaken for another one: up to six powers of ten each way, and 0.
+const FACTORS: (f64, f64) = (0.0, 1e6);
+/// Bits of a field that a code of 24 bits leaves.
+const SPARE_BITS: i64 = 8;
+/// Words that an answer may hold.
+const MOST_WORDS: i64 = 64;
 /// Shortest time between two heartbeats: the line still carries them beside all else.
 const SHORTEST_BEAT_MS: f64 = 10.0;
 /// Time within which MAKE_SAFE ends.
@@ -76,7 +120,15 @@ const STRANGE_CODE: i64 = 11;
 
 /// Reads the breaches of `[board]`.
 pub(super) fn breaches(table: &TomlTable<'_, '_>) -> Breaches {
-    Breaches { timing: timing(table), talk: talk(table), hello: hello(table) }
+    Breaches {
+        timing: timing(table),
+        talk: talk(table),
+        hello: hello(table),
+        restarts: restarts(table),
+        state: state(table),
+        values: values(table),
+        streams: streams(table),
+    }
 }
 
 fn timing(table: &TomlTable<'_, '_>) -> TimingBreaches {
@@ -140,6 +192,72 @@ fn hello(table: &TomlTable<'_, '_>) -> HelloBreaches {
         no_power_switch: table.flag("no_power_switch"),
         no_can: table.flag("no_can"),
         no_calibration: table.flag("no_calibration"),
+    }
+}
+
+fn restarts(table: &TomlTable<'_, '_>) -> RestartBreaches {
+    needs(table, "clock_back_s", "clock_back_at_s");
+    needs(table, "clock_back_at_s", "clock_back_s");
+    let seconds = |key: &'static str| table.number(key, (0.0, DAY_S)).map(Duration::from_secs_f64);
+    RestartBreaches {
+        keeps_boot_id: table.flag("keeps_boot_id"),
+        clock_runs_on: table.flag("clock_runs_on"),
+        clock_back: seconds("clock_back_at_s").zip(seconds("clock_back_s")),
+    }
+}
+
+fn state(table: &TomlTable<'_, '_>) -> StateBreaches {
+    let bits = |key: &'static str| {
+        let bits = table.list(key, "a list of bits, 0 to 7");
+        bits.iter().filter_map(|entry| whole::<u8>(entry, (0, 7))).fold(0, |set, bit| set | 1 << bit)
+    };
+    let (bits_set, bits_cleared): (u8, u8) = (bits("state_bits_set"), bits("state_bits_cleared"));
+    if bits_set & bits_cleared != 0
+        && let Some(entry) = table.entry("state_bits_cleared")
+    {
+        entry.mistake("a bit is both set and cleared", "write it into one of the two lists");
+    }
+    StateBreaches {
+        bits_set,
+        bits_cleared,
+        safe_keeps_power: table.flag("safe_keeps_power"),
+        powers_off_after: table.number("powers_off_after_s", (0.0, DAY_S)).map(Duration::from_secs_f64),
+        over_current_at_power_on: table.flag("over_current_at_power_on"),
+    }
+}
+
+fn values(table: &TomlTable<'_, '_>) -> ValueBreaches {
+    let factor = |key: &'static str| table.number(key, FACTORS);
+    let order = |entry: TomlEntry<'_, '_>| {
+        Some(if choice(&entry, &["falling", "from-zero"])? == "falling" { AdOrder::Falling } else { AdOrder::FromZero })
+    };
+    ValueBreaches {
+        supply_uv_times: factor("supply_uv_times"),
+        supply_ua_times: factor("supply_ua_times"),
+        timer_intervals_times: factor("timer_intervals_times"),
+        flash_durations_times: factor("flash_durations_times"),
+        pps_times: factor("pps_times"),
+        imu_shift_bits: number(table, "imu_shift_bits", (1, SPARE_BITS)).unwrap_or(0),
+        ad_channels: table.entry("ad_channels").and_then(order),
+        extra_words: number(table, "extra_words", (1, MOST_WORDS)).unwrap_or(0),
+    }
+}
+
+fn streams(table: &TomlTable<'_, '_>) -> StreamBreaches {
+    let repeats = |table: &TomlTable<'_, '_>| {
+        let of = required_whole::<u32>(table, "of", (2, i64::from(i32::MAX)))?;
+        Some(Repeats { samples: required_whole(table, "samples", (1, i64::from(of) - 1))?, of })
+    };
+    StreamBreaches {
+        numbers_from: count(table, "stream_numbers_from"),
+        produced_off: number(table, "produced_off", (i32::MIN.into(), i32::MAX.into())).unwrap_or(0),
+        drops_frame_every: every(table, "drops_frame_every"),
+        times_times: table.number("stream_times_times", FACTORS),
+        go_on: table.flag("streams_go_on"),
+        before_result: table.flag("samples_before_result"),
+        samples_a_frame: number(table, "samples_a_frame", (1, MAX_IMU_SAMPLES as i64)).unwrap_or(0),
+        extra_samples: count(table, "extra_samples"),
+        repeats: table.within("repeats", repeats).flatten(),
     }
 }
 
