@@ -16,13 +16,14 @@ use gnc_protocol::Call as _;
 use gnc_protocol::can::CanFrame;
 use gnc_protocol::frame::Frame;
 use gnc_protocol::message::{HostHello, MAGIC, MakeSafe};
-use gnc_protocol::serial::{FrameDecoder, encode};
+use gnc_protocol::serial::FrameDecoder;
 use gnc_protocol::slave::Slave;
 use gnc_protocol::timing::BITS_PER_BYTE;
 use gnc_protocol::wire::Wire;
 
 use crate::board::{BoardPort, SimulatedBoard};
 use crate::breaches::conversation::TalkFilter;
+use crate::breaches::wire::ByteFilter;
 use crate::can::{CanBus, HeardFrame};
 use crate::line::ByteLine;
 use crate::noise::{Dice, RandomStream};
@@ -118,6 +119,7 @@ pub struct SimulatedBench {
     /// Breaches of the interface document on RS-422 and on CAN.
     talk: TalkFilter,
     can_talk: TalkFilter,
+    bytes: ByteFilter,
     /// Whether the board speaks and hears on CAN.
     has_can: bool,
     /// Whether the host's CAN adapter holds frames that it could not hand on yet.
@@ -166,6 +168,7 @@ impl SimulatedBench {
             can: CanBus::new(can_pace, &options.personality.model, options.seed),
             talk: TalkFilter::new(breaches),
             can_talk: TalkFilter::new(breaches),
+            bytes: ByteFilter::new(&breaches.frames),
             has_can: !breaches.hello.no_can,
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
             table: SimulatedTable::new(options.personality.model.turntable, options.seed),
@@ -325,7 +328,7 @@ impl SimulatedBench {
             Speed::Max => (self.can_step(now) && self.next_ns().is_some()).then_some(now),
         };
         let talk = (!self.board.is_booting()).then(|| self.slave.next_due().min(self.can_slave.next_due()));
-        let talk = [talk, self.talk.next_due(), self.can_talk.next_due()];
+        let talk = [talk, self.talk.next_due(), self.can_talk.next_due(), self.bytes.next_due()];
         let wires = [self.wire_to_board.next_due(), self.wire_to_host.next_due()];
         let repaired = (self.repaired_at > now).then_some(self.repaired_at);
         let idle = now + Duration::from_secs(1);
@@ -468,6 +471,9 @@ impl SimulatedBench {
             self.can_talk.tick(&self.can_slave, &self.board, now);
             self.send(BoardPort::Serial, frames, now);
             self.send(BoardPort::Can, can_frames, now);
+            if let Some(text) = self.bytes.print(now) {
+                self.wire_to_host.push(&text, now);
+            }
         }
         self.carry(now);
     }
@@ -527,14 +533,14 @@ impl SimulatedBench {
             match port {
                 BoardPort::Serial if self.wire_to_host.is_clean() => {
                     if self.outgoing.len() <= FRAMES_WAIT {
-                        self.outgoing.push(&encode(&frame), now);
+                        self.outgoing.push(&self.bytes.encode(&frame), now);
                     }
                 }
                 BoardPort::Serial => {
                     if frame.header.kind == gnc_protocol::Kind::Hello {
                         self.wire_to_host.begin_numbers();
                     }
-                    self.wire_to_host.push(&encode(&frame), now);
+                    self.wire_to_host.push(&self.bytes.encode(&frame), now);
                 }
                 BoardPort::Can if self.has_can => self.can.send(&frame),
                 BoardPort::Can => {}

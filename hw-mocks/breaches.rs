@@ -17,6 +17,7 @@ use gnc_protocol::slave::RequestRefusal;
 use gnc_protocol::stream::StreamId;
 
 use board::{RestartBreaches, StateBreaches, StreamBreaches, ValueBreaches};
+use wire::FrameBreaches;
 
 /// All breaches of a board.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -28,6 +29,7 @@ pub(crate) struct Breaches {
     pub(crate) state: StateBreaches,
     pub(crate) values: ValueBreaches,
     pub(crate) streams: StreamBreaches,
+    pub(crate) frames: FrameBreaches,
 }
 
 impl Breaches {

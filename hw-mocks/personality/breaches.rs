@@ -83,6 +83,16 @@
 //! samples_a_frame = 3                  # RS-422: whatever was asked for
 //! extra_samples = 5                    # beyond the count asked for
 //! repeats = { samples = 50, of = 200 } # the last ones of so many are copies, on all channels
+//!
+//! ## Frames.
+//! checksum = "big-endian"              # or "crc32", "not-inverted"
+//! debug_text = "adc ok\r\n"            # RS-422: printed between frames ...
+//! debug_every_ms = 200.0               # ... so often
+//! stray_zero_every = 20                # RS-422: one of so many frames has a 00 in its middle
+//! no_leading_delimiter = true          # RS-422
+//! padding_bytes = 3                    # RS-422: bytes FF behind each frame
+//! heartbeat_halved = true              # CAN: the second frame of each heartbeat is missing
+//! can_order = "samples"                # or "messages": two frames of each leave in the wrong order
 //! # "#;
 //! # hw_mocks::Personality::from_toml("everything", text).unwrap();
 //! ```
@@ -93,8 +103,9 @@ use gnc_config::{TomlEntry, TomlTable};
 use gnc_protocol::stream::MAX_IMU_SAMPLES;
 use gnc_protocol::timing::{ACCEPT_WITHIN, PROGRESS_EVERY};
 
-use super::checks::{choice, count, needs, required_whole, whole};
+use super::checks::{choice, count, needs, required_whole, short_text, whole};
 use crate::breaches::board::{AdOrder, Repeats, RestartBreaches, StateBreaches, StreamBreaches, ValueBreaches};
+use crate::breaches::wire::{CanOrder, Checksum, FrameBreaches};
 use crate::breaches::{Breaches, HelloBreaches, StrangeAnswer, TalkBreaches, TimingBreaches};
 
 /// Longest time of a key: a minute. No host waits so long.
@@ -111,8 +122,10 @@ const MOST_WORDS: i64 = 64;
 const SHORTEST_BEAT_MS: f64 = 10.0;
 /// Time within which MAKE_SAFE ends.
 const SAFE_WITHIN_MS: f64 = 250.0;
-/// Most bytes behind a HELLO: with them it still fits into a frame.
+/// Most bytes behind a HELLO, or between frames: with them it still fits into a frame.
 const EXTRA_BYTES: i64 = 256;
+/// Longest text that is printed between frames: a line of a terminal.
+const LONGEST_TEXT: usize = 80;
 /// First status that means nothing.
 const STRANGE_STATUS: i64 = 4;
 /// First code of a NAK that means nothing.
@@ -128,6 +141,7 @@ pub(super) fn breaches(table: &TomlTable<'_, '_>) -> Breaches {
         state: state(table),
         values: values(table),
         streams: streams(table),
+        frames: frames(table),
     }
 }
 
@@ -258,6 +272,33 @@ fn streams(table: &TomlTable<'_, '_>) -> StreamBreaches {
         samples_a_frame: number(table, "samples_a_frame", (1, MAX_IMU_SAMPLES as i64)).unwrap_or(0),
         extra_samples: count(table, "extra_samples"),
         repeats: table.within("repeats", repeats).flatten(),
+    }
+}
+
+fn frames(table: &TomlTable<'_, '_>) -> FrameBreaches {
+    needs(table, "debug_text", "debug_every_ms");
+    needs(table, "debug_every_ms", "debug_text");
+    let sum = |entry: TomlEntry<'_, '_>| match choice(&entry, &["big-endian", "crc32", "not-inverted"])? {
+        "big-endian" => Some(Checksum::BigEndian),
+        "crc32" => Some(Checksum::Crc32),
+        _ => Some(Checksum::NotInverted),
+    };
+    let order = |entry: TomlEntry<'_, '_>| {
+        Some(if choice(&entry, &["samples", "messages"])? == "samples" {
+            CanOrder::Samples
+        } else {
+            CanOrder::Messages
+        })
+    };
+    let debug_text = short_text(table, "debug_text", LONGEST_TEXT);
+    FrameBreaches {
+        checksum: table.entry("checksum").and_then(sum),
+        debug: debug_text.zip(span(table, "debug_every_ms", (SHORTEST_BEAT_MS, LONGEST_MS))),
+        stray_zero_every: number(table, "stray_zero_every", (1, u32::MAX.into())).unwrap_or(0),
+        no_leading_delimiter: table.flag("no_leading_delimiter"),
+        padding_bytes: number(table, "padding_bytes", (1, EXTRA_BYTES)).unwrap_or(0),
+        heartbeat_halved: table.flag("heartbeat_halved"),
+        can_order: table.entry("can_order").and_then(order),
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod board;
 mod conversation;
+mod frames;
 mod record;
 
 use std::collections::BTreeSet;
