@@ -12,15 +12,18 @@ mod truth;
 
 use std::time::Duration;
 
+use gnc_protocol::Call as _;
 use gnc_protocol::can::CanFrame;
 use gnc_protocol::frame::Frame;
-use gnc_protocol::message::{HostHello, MAGIC};
-use gnc_protocol::serial::{FrameDecoder, encode};
+use gnc_protocol::message::{HostHello, MAGIC, MakeSafe};
+use gnc_protocol::serial::FrameDecoder;
 use gnc_protocol::slave::Slave;
 use gnc_protocol::timing::BITS_PER_BYTE;
 use gnc_protocol::wire::Wire;
 
 use crate::board::{BoardPort, SimulatedBoard};
+use crate::breaches::conversation::TalkFilter;
+use crate::breaches::wire::ByteFilter;
 use crate::can::{CanBus, HeardFrame};
 use crate::line::ByteLine;
 use crate::noise::{Dice, RandomStream};
@@ -113,6 +116,12 @@ pub struct SimulatedBench {
     /// The link of the last HELLO.
     session_on: BoardPort,
     can: CanBus,
+    /// Breaches of the interface document on RS-422 and on CAN.
+    talk: TalkFilter,
+    can_talk: TalkFilter,
+    bytes: ByteFilter,
+    /// Whether the board speaks and hears on CAN.
+    has_can: bool,
     /// Whether the host's CAN adapter holds frames that it could not hand on yet.
     pub(crate) can_held: bool,
     board: SimulatedBoard,
@@ -150,12 +159,17 @@ impl SimulatedBench {
             Speed::Max => (None, None),
         };
         let wire = options.personality.model.wire;
+        let breaches = &options.personality.model.breaches;
         Self {
             slave: Slave::default(),
             can_slave: Slave::default(),
             session_on: BoardPort::Serial,
             can_held: false,
-            can: CanBus::new(can_pace, wire.can_lose_every, options.personality.model.can_wire, options.seed),
+            can: CanBus::new(can_pace, &options.personality.model, options.seed),
+            talk: TalkFilter::new(breaches),
+            can_talk: TalkFilter::new(breaches),
+            bytes: ByteFilter::new(&breaches.frames),
+            has_can: !breaches.hello.no_can,
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
             table: SimulatedTable::new(options.personality.model.turntable, options.seed),
             decoder: FrameDecoder::default(),
@@ -223,6 +237,8 @@ impl SimulatedBench {
     pub(crate) fn excuse(&mut self, span: Duration, now: Duration) {
         self.slave.excuse(span, now);
         self.can_slave.excuse(span, now);
+        self.talk.excuse(span, now);
+        self.can_talk.excuse(span, now);
         self.hold(span);
     }
 
@@ -274,6 +290,7 @@ impl SimulatedBench {
             && self.session_on == BoardPort::Serial
             && (1..AT_ONCE).contains(&said)
             && !self.said_more
+            && self.talk.is_empty()
             && quiet
             && self.board.only_streams()
             && first
@@ -311,12 +328,14 @@ impl SimulatedBench {
             Speed::Max => (self.can_step(now) && self.next_ns().is_some()).then_some(now),
         };
         let talk = (!self.board.is_booting()).then(|| self.slave.next_due().min(self.can_slave.next_due()));
+        let talk = [talk, self.talk.next_due(), self.can_talk.next_due(), self.bytes.next_due()];
         let wires = [self.wire_to_board.next_due(), self.wire_to_host.next_due()];
         let repaired = (self.repaired_at > now).then_some(self.repaired_at);
         let idle = now + Duration::from_secs(1);
-        [events, talk, repaired, self.incoming.next_due(), self.outgoing.next_due(), self.can.next_due()]
+        [events, repaired, self.incoming.next_due(), self.outgoing.next_due(), self.can.next_due()]
             .into_iter()
             .chain(wires)
+            .chain(talk)
             .flatten()
             .fold(idle, Duration::min)
     }
@@ -340,7 +359,8 @@ impl SimulatedBench {
             }
             BoardPort::Can => self.can.is_quiet() && !self.can_held,
         };
-        pending && said && now >= self.repaired_at
+        let held = !self.talk.is_empty() || !self.can_talk.is_empty();
+        pending && said && !held && now >= self.repaired_at
     }
 
     /// Passes on what the faults of the wire let through, and notes what they spoil.
@@ -388,7 +408,7 @@ impl SimulatedBench {
             if self.board.is_powered() {
                 self.board.module.can.echo(&frame).for_each(|echo| self.can.echo(echo));
             }
-            if self.board.is_booting() {
+            if self.board.is_booting() || !self.has_can {
                 continue;
             }
             if let Some(Ok(frame)) = self.can.understand(&frame, now) {
@@ -399,6 +419,12 @@ impl SimulatedBench {
 
     /// Takes a frame of the conversation from a link.
     fn take(&mut self, port: BoardPort, frame: &Frame, now: Duration) {
+        let talk = match port {
+            BoardPort::Serial => &mut self.talk,
+            BoardPort::Can => &mut self.can_talk,
+        };
+        let Some(frame) = talk.hear(frame, now) else { return };
+        self.board.power_off_waits = talk.is_safe_late(&frame);
         if HostHello::from_payload(&frame.payload).is_ok_and(|hello| hello.magic == MAGIC)
             && frame.header.kind == gnc_protocol::Kind::Hello
         {
@@ -407,9 +433,13 @@ impl SimulatedBench {
             match port {
                 BoardPort::Serial => {
                     self.can_slave.leave();
+                    self.can_talk.forget();
                     self.can.drop_samples();
                 }
-                BoardPort::Can => self.slave.leave(),
+                BoardPort::Can => {
+                    self.slave.leave();
+                    self.talk.forget();
+                }
             }
         }
         self.count_link();
@@ -418,7 +448,8 @@ impl SimulatedBench {
             BoardPort::Can => &mut self.can_slave,
         };
         let mut answers = Vec::new();
-        slave.receive(frame, now, &mut self.board, &mut |answer| answers.push(answer));
+        slave.receive(&frame, now, &mut self.board, &mut |answer| answers.push(answer));
+        self.board.power_off_waits = false;
         self.send(port, answers, now);
     }
 
@@ -432,10 +463,17 @@ impl SimulatedBench {
                 // On the bus samples wait in a separate queue, behind everything else.
                 BoardPort::Can => usize::MAX,
             };
+            frames.extend(self.talk.watch(&mut self.slave, &mut self.board, now));
+            can_frames.extend(self.can_talk.watch(&mut self.can_slave, &mut self.board, now));
             self.slave.tick(now, &mut self.board, &mut |frame| frames.push(frame));
             self.can_slave.tick(now, &mut self.board, &mut |frame| can_frames.push(frame));
+            self.talk.tick(&self.slave, &self.board, now);
+            self.can_talk.tick(&self.can_slave, &self.board, now);
             self.send(BoardPort::Serial, frames, now);
             self.send(BoardPort::Can, can_frames, now);
+            if let Some(text) = self.bytes.print(now) {
+                self.wire_to_host.push(&text, now);
+            }
         }
         self.carry(now);
     }
@@ -446,6 +484,8 @@ impl SimulatedBench {
             self.slave = Slave::default();
             self.can_slave = Slave::default();
             self.can.restart();
+            self.talk.restart();
+            self.can_talk.restart();
             self.decoder = FrameDecoder::default();
             self.outgoing.clear();
             self.incoming.clear();
@@ -460,8 +500,8 @@ impl SimulatedBench {
 
     fn count_link(&mut self) {
         let (counters, sent) = match self.session_on {
-            BoardPort::Serial => (self.decoder.counters(), self.slave.sent()),
-            BoardPort::Can => (self.can.counters(), self.can_slave.sent()),
+            BoardPort::Serial => (self.decoder.counters(), sent(&self.slave, &self.talk)),
+            BoardPort::Can => (self.can.counters(), sent(&self.can_slave, &self.can_talk)),
         };
         let reply = &mut self.board.link_counters;
         (reply.frames, reply.bad_checksum) = (counters.frames, counters.bad_checksum);
@@ -469,28 +509,52 @@ impl SimulatedBench {
         reply.sent = sent;
     }
 
+    /// Sends frames as far as the breaches of the board let them go.
     fn send(&mut self, port: BoardPort, frames: Vec<Frame>, now: Duration) {
+        let talk = match port {
+            BoardPort::Serial => &mut self.talk,
+            BoardPort::Can => &mut self.can_talk,
+        };
+        let frames = if talk.is_active() {
+            talk.push(frames, now);
+            std::iter::from_fn(|| talk.pop(now)).collect()
+        } else {
+            frames
+        };
+        self.put(port, frames, now);
+    }
+
+    fn put(&mut self, port: BoardPort, frames: Vec<Frame>, now: Duration) {
         for frame in frames {
+            if frame.header.kind == gnc_protocol::Kind::Result && frame.header.message == MakeSafe::ID {
+                self.board.finish_power_off();
+            }
             self.said_more |= port == BoardPort::Serial && frame.header.kind != gnc_protocol::Kind::Stream;
             match port {
                 BoardPort::Serial if self.wire_to_host.is_clean() => {
                     if self.outgoing.len() <= FRAMES_WAIT {
-                        self.outgoing.push(&encode(&frame), now);
+                        self.outgoing.push(&self.bytes.encode(&frame), now);
                     }
                 }
                 BoardPort::Serial => {
                     if frame.header.kind == gnc_protocol::Kind::Hello {
                         self.wire_to_host.begin_numbers();
                     }
-                    self.wire_to_host.push(&encode(&frame), now);
+                    self.wire_to_host.push(&self.bytes.encode(&frame), now);
                 }
-                BoardPort::Can => self.can.send(&frame),
+                BoardPort::Can if self.has_can => self.can.send(&frame),
+                BoardPort::Can => {}
             }
         }
         let echo = self.wire_to_host.take_echo();
         self.incoming.push(&echo, now);
         self.carry(now);
     }
+}
+
+/// Frames that left the board.
+fn sent(slave: &Slave, talk: &TalkFilter) -> u32 {
+    if talk.is_active() { talk.sent() } else { slave.sent() }
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ mod feed;
 mod finish;
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use gnc_protocol::error::NakCode;
 use gnc_protocol::message::{
@@ -16,6 +17,7 @@ use gnc_protocol::slave::{BoardIdentity, BoardOutput, RequestRefusal, SlaveBoard
 use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::text;
 
+use crate::breaches::Breaches;
 use crate::module::Module;
 use crate::noise::{Dice, RandomStream};
 use crate::oscillator::Oscillator;
@@ -74,10 +76,20 @@ pub(crate) struct SimulatedBoard {
     pub line_room: usize,
     now_ns: u64,
     booted_ns: u64,
+    /// Bench time at which the board's clock began.
+    clock_from_ns: u64,
     boot_id: u32,
     boot_dice: Dice,
     pub(crate) oscillator: Oscillator,
     sampling: SamplingFaults,
+    /// How it breaks the interface document.
+    breaches: Breaches,
+    /// Whether making safe leaves the module on power until [`SimulatedBoard::finish_power_off`].
+    pub(crate) power_off_waits: bool,
+    power_off_begun: bool,
+    power_off_at_ns: Option<u64>,
+    /// Stream frames made, for those that get lost on the board.
+    frames_made: u32,
     rate_baud: u32,
     /// The link of the session, which carries the streams.
     carrier: BoardPort,
@@ -108,7 +120,7 @@ impl SimulatedBoard {
         let mut boot_dice = Dice::new(seed, RandomStream::Boot);
         let model = &personality.model;
         let at_time = |trigger: &RebootTrigger| trigger.at_board_time_s.map(|time_s| (time_s * 1e9) as u64);
-        Self {
+        let mut board = Self {
             module: Module::new(personality, serial_number, seed),
             world,
             link_counters: LinkCountersReply::default(),
@@ -121,6 +133,12 @@ impl SimulatedBoard {
             boot_dice,
             oscillator: model.oscillator,
             sampling: model.sampling,
+            breaches: model.breaches.clone(),
+            power_off_waits: false,
+            power_off_begun: false,
+            power_off_at_ns: None,
+            frames_made: 0,
+            clock_from_ns: 0,
             rate_baud,
             carrier: BoardPort::Serial,
             powered: false,
@@ -139,7 +157,9 @@ impl SimulatedBoard {
             restarts: 0,
             serial: model.board_serial.clone(),
             firmware: model.board_firmware.clone(),
-        }
+        };
+        board.set_power(board.breaches.hello.no_power_switch);
+        board
     }
 
     /// Begins a session on a link.
@@ -209,7 +229,7 @@ impl SimulatedBoard {
         };
         let boot = self.is_booting().then_some(self.booted_ns + BOOT_NS);
         let streams = self.streams.iter().map(|stream| self.stream_due_ns(stream));
-        self.jobs.iter().map(job).chain(streams).chain(boot).chain(self.reboot_at_ns).min()
+        self.jobs.iter().map(job).chain(streams).chain(boot).chain(self.reboot_at_ns).chain(self.power_off_at_ns).min()
     }
 
     /// Lets time pass up to `to_ns`: everything that is due until then happens in its order.
@@ -228,6 +248,11 @@ impl SimulatedBoard {
             return;
         }
         self.run_streams();
+        if self.power_off_at_ns.is_some_and(|at_ns| at_ns <= self.now_ns) {
+            self.power_off_at_ns = None;
+            self.close_streams();
+            self.set_power(false);
+        }
         self.run_patterns();
         while let Some(index) = self.jobs.iter().position(|job| job.ends_ns <= self.now_ns) {
             let job = self.jobs.swap_remove(index);
@@ -246,8 +271,14 @@ impl SimulatedBoard {
         self.log = ErrorLog::default();
         self.identity_cache = None;
         self.set_power(false);
-        self.boot_id = self.boot_dice.word();
+        let boot_id = self.boot_dice.word();
+        if !self.breaches.restarts.keeps_boot_id {
+            self.boot_id = boot_id;
+        }
         self.booted_ns = self.now_ns;
+        if !self.breaches.restarts.clock_runs_on {
+            self.clock_from_ns = self.now_ns;
+        }
         self.restarted = true;
         self.restarts += 1;
     }
@@ -269,11 +300,22 @@ impl SimulatedBoard {
         }
     }
 
+    /// Switches off what MAKE_SAFE left on.
+    pub(crate) fn finish_power_off(&mut self) {
+        if std::mem::take(&mut self.power_off_begun) {
+            self.set_power(false);
+        }
+    }
+
     fn set_power(&mut self, on: bool) {
+        self.power_off_begun = false;
+        let on = on || self.breaches.hello.no_power_switch;
         if on == self.powered {
             return;
         }
         self.powered = on;
+        let after_ns = |span: Duration| self.now_ns + u64::try_from(span.as_nanos()).unwrap_or(u64::MAX / 2);
+        self.power_off_at_ns = self.breaches.state.powers_off_after.filter(|_| on).map(after_ns);
         let now_s = self.true_s(self.now_ns);
         self.still = None;
         self.world.set_powered(on, now_s);
@@ -293,7 +335,12 @@ impl SimulatedBoard {
     }
 
     fn board_us(&self, bench_ns: u64) -> u64 {
-        bench_ns.saturating_sub(self.booted_ns) / 1000
+        self.board_ns(bench_ns) / 1000
+    }
+
+    /// What the board's clock shows at a bench time.
+    fn board_ns(&self, bench_ns: u64) -> u64 {
+        self.breaches.restarts.shown_ns(bench_ns.saturating_sub(self.clock_from_ns))
     }
 
     fn arm_reboot(&mut self, request: &Request) {
@@ -312,6 +359,9 @@ impl SimulatedBoard {
             needs_power(&what) && !(self.identity_cache.is_some() && matches!(what, Request::Identity(_)));
         if !self.powered && asks_module {
             return Err(RequestRefusal::new(NakCode::NotPowered, "switch the module's supply on first"));
+        }
+        if let Some(refusal) = self.breaches.hello.lacks(&what) {
+            return Err(refusal);
         }
         let message = what.id();
         let trigger = what.clone();
@@ -372,7 +422,7 @@ impl SlaveBoard for SimulatedBoard {
     fn identity(&self) -> BoardIdentity {
         BoardIdentity {
             boot_id: self.boot_id,
-            capabilities: capability::POWER | capability::CAN | capability::CALIBRATION,
+            capabilities: self.breaches.hello.left_of(capability::POWER | capability::CAN | capability::CALIBRATION),
             serial: text(&self.serial),
             firmware: text(&self.firmware),
         }
@@ -420,7 +470,11 @@ impl SlaveBoard for SimulatedBoard {
         self.cut_off_jobs();
         self.outputs.clear();
         self.drop_streams();
-        self.set_power(false);
+        if self.power_off_waits {
+            self.power_off_begun = true;
+        } else if !self.breaches.state.safe_keeps_power {
+            self.set_power(false);
+        }
     }
 
     fn new_session(&mut self) {

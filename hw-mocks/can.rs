@@ -11,9 +11,12 @@ use gnc_protocol::can::{BIT_RATE, CanFrame, CanId, slcan};
 use gnc_protocol::frame::{Frame, FrameError};
 use gnc_protocol::serial::LineCounters;
 
-use crate::can_faults::{CanWireFaults, FaultyBus};
+use crate::breaches::Breaches;
+use crate::breaches::wire::CanFilter;
+use crate::can_faults::FaultyBus;
 use crate::fault_queue::Toll;
 use crate::noise::{Dice, RandomStream};
+use crate::personality::PersonalityModel;
 
 /// Number of waiting stream frames beyond which the board drops samples: 0.3 s of the bus.
 const SAMPLES_WAIT: usize = 1024;
@@ -26,6 +29,9 @@ const INPUT_WAIT: usize = 64;
 #[derive(Debug)]
 pub(crate) struct CanBus {
     endpoint: Endpoint,
+    breaches: Breaches,
+    /// Between the board and the bus.
+    filter: CanFilter,
     /// Faults of frames between the host and the bus, both ways.
     wire_to_board: FaultyBus,
     wire_to_host: FaultyBus,
@@ -56,11 +62,14 @@ enum Sender {
 
 impl CanBus {
     /// A bus that runs this many times as fast as a real one; `None`: without pace.
-    pub(crate) fn new(times: Option<f64>, lose_every: u32, faults: CanWireFaults, seed: u64) -> Self {
+    pub(crate) fn new(times: Option<f64>, model: &PersonalityModel, seed: u64) -> Self {
+        let faults = &model.can_wire;
         Self {
             endpoint: Endpoint::new(EndpointRole::Board),
-            wire_to_board: FaultyBus::new(faults.to_board, Dice::new(seed, RandomStream::CanToBoard)),
-            wire_to_host: FaultyBus::new(faults.to_host, Dice::new(seed, RandomStream::CanToHost)),
+            filter: CanFilter::new(&model.breaches),
+            breaches: model.breaches.clone(),
+            wire_to_board: FaultyBus::new(faults.to_board.clone(), Dice::new(seed, RandomStream::CanToBoard)),
+            wire_to_host: FaultyBus::new(faults.to_host.clone(), Dice::new(seed, RandomStream::CanToHost)),
             from_host: VecDeque::new(),
             events: VecDeque::new(),
             samples: VecDeque::new(),
@@ -69,7 +78,7 @@ impl CanBus {
             bit_ns: times.map_or(0.0, |times| 1e9 / f64::from(BIT_RATE) / times.max(1.0)),
             free_at: Duration::ZERO,
             idle: true,
-            lose_every,
+            lose_every: model.wire.can_lose_every,
             sent: 0,
             lost: 0,
         }
@@ -84,6 +93,7 @@ impl CanBus {
     /// Drops the board's output after a restart.
     pub(crate) fn restart(&mut self) {
         self.endpoint = Endpoint::new(EndpointRole::Board);
+        self.filter = CanFilter::new(&self.breaches);
         self.events.clear();
         self.samples.clear();
     }
@@ -142,7 +152,8 @@ impl CanBus {
     /// Queues a frame of the conversation for the host.
     pub(crate) fn send(&mut self, frame: &Frame) {
         let queue = if frame.header.kind == gnc_protocol::Kind::Stream { &mut self.samples } else { &mut self.events };
-        self.endpoint.send(frame, &mut |raw| queue.push_back(raw));
+        let filter = &mut self.filter;
+        self.endpoint.send(frame, &mut |raw| filter.pass(raw, |raw| queue.push_back(raw)));
     }
 
     /// Queues a test frame that the module sends back.
@@ -164,7 +175,8 @@ impl CanBus {
         }
         // The next frame of a message is queued before the arbitration is decided.
         while let Some(frame) = self.endpoint.poll(now) {
-            self.events.push_back(frame);
+            let events = &mut self.events;
+            self.filter.pass(frame, |raw| events.push_back(raw));
         }
         let heads = [
             (Sender::Host, self.from_host.front()),

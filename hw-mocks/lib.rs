@@ -12,6 +12,7 @@ mod adapter;
 mod bench;
 mod board;
 mod boards;
+mod breaches;
 mod can;
 mod can_faults;
 pub mod devices;

@@ -29,6 +29,7 @@
 //! clock_error_ppm = 3.0                # of its oscillator, against true time: positive: too fast
 //! clock_drift_ppm_per_h = 0.5          # it gets so much faster each hour
 //! caches_identity = true               # it answers with what the module said before, without asking it
+//! ## Keys by which the board breaks the interface document stand at the head of `personality/breaches.rs`.
 //!
 //! [sampling]                           # of the IMU's streams; a good board has its samples on the grid of its own clock
 //! rate_error_ppm = 30.0                # the sensors have an oscillator of their own, so much too fast against the board's
@@ -205,6 +206,7 @@
 //! # hw_mocks::Personality::from_toml("everything", text).unwrap();
 //! ```
 
+mod breaches;
 mod checks;
 mod clocks;
 mod devices;
@@ -223,6 +225,7 @@ use checks::{count, set, short_text, whole};
 use sensors::{ACCEL, GYRO, MAG, TriadAsRead};
 
 use crate::boards::BOARDS;
+use crate::breaches::Breaches;
 use crate::can_faults::CanWireFaults;
 use crate::devices::ad::Rails;
 use crate::devices::calibration::CalibrationFaults;
@@ -288,6 +291,7 @@ pub(crate) struct PersonalityModel {
     pub(crate) protocol: u8,
     pub(crate) board_serial: String,
     pub(crate) board_firmware: String,
+    pub(crate) breaches: Breaches,
     pub(crate) oscillator: Oscillator,
     pub(crate) sampling: SamplingFaults,
     pub(crate) caches_identity: bool,
@@ -392,6 +396,7 @@ impl PersonalityModel {
             set(&mut model.board_firmware, short_text(table, "firmware", 32));
             model.caches_identity = table.flag("caches_identity");
             model.oscillator = clocks::oscillator(table, model.oscillator);
+            model.breaches = breaches::breaches(table);
         });
         let triad = |units, default| TriadAsRead::read(root, units, default);
         let gyro = triad(&GYRO, model.sensors.gyro);
@@ -473,6 +478,7 @@ impl Default for PersonalityModel {
             protocol: 1,
             board_serial: "SIM-BOARD-1".to_owned(),
             board_firmware: "sim 1.0.0".to_owned(),
+            breaches: Breaches::default(),
             oscillator: Oscillator { error_ppm: 3.0, drift_ppm_per_h: 0.0 },
             sampling: SamplingFaults::default(),
             caches_identity: false,

@@ -2,7 +2,9 @@
 
 use gnc_protocol::message::{StreamStart, StreamStopReply};
 use gnc_protocol::serial::on_wire;
-use gnc_protocol::stream::{Format, MAX_SAMPLE_BYTES, PpsCapture, STREAM_HEAD, StreamFrame, StreamHead, StreamId};
+use gnc_protocol::stream::{
+    Format, ImuSample, MAX_SAMPLE_BYTES, PpsCapture, STREAM_HEAD, StreamFrame, StreamHead, StreamId,
+};
 use gnc_protocol::wire::{FieldWriter, Wire};
 
 use crate::devices::calibration::StoredCompensation;
@@ -34,6 +36,8 @@ pub(crate) struct RunningStream {
     pub(crate) sampling: SamplingFaults,
     /// Its view of the sensors, set from its first sample on.
     pub(crate) reader: Option<SensorReader>,
+    /// The last sample, for a board that repeats some.
+    pub(crate) last: Option<ImuSample>,
 }
 
 impl RunningStream {
@@ -55,7 +59,13 @@ impl RunningStream {
             compensation: None,
             sampling: SamplingFaults::default(),
             reader: None,
+            last: None,
         }
+    }
+
+    /// Number of the next sample.
+    pub(crate) fn produced(&self) -> u32 {
+        self.produced
     }
 
     pub(crate) fn rate_hz(&self) -> u64 {

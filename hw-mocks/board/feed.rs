@@ -7,7 +7,8 @@ use gnc_protocol::slave::{BoardOutput, RequestFault, RequestRefusal};
 use gnc_protocol::stream::{PpsCapture, StreamFrame, StreamId};
 
 use super::finish::body;
-use super::{CAPTURE_NS, SimulatedBoard};
+use super::{BoardPort, CAPTURE_NS, SimulatedBoard};
+use crate::breaches::is_nth;
 use crate::devices::gnss::{EPOCHS_HZ, LATENCY_S};
 use crate::devices::inertial::noise::STEP_S;
 use crate::requests::{self, samples_per_frame};
@@ -26,7 +27,18 @@ impl SimulatedBoard {
             StreamId::Pps => utc_s.floor().max(0.0) as u64 + 1,
         };
         self.ended.retain(|(ended, _)| *ended != id);
-        let mut stream = RunningStream::new(start, id, load_permille, self.now_ns, tick);
+        let breaches = self.breaches.streams;
+        let mut asked = start.clone();
+        if asked.count != 0 {
+            asked.count = asked.count.saturating_add(breaches.extra_samples);
+        }
+        if let Some((_, most)) = requests::samples_of(start.stream)
+            && breaches.samples_a_frame != 0
+            && self.carrier == BoardPort::Serial
+        {
+            asked.samples_per_frame = breaches.samples_a_frame.min(most as u8);
+        }
+        let mut stream = RunningStream::new(&asked, id, load_permille, self.now_ns, tick);
         stream.sampling = self.sampling;
         if id == StreamId::Compensated {
             stream.compensation = self.module.calibration.compensation();
@@ -45,10 +57,16 @@ impl SimulatedBoard {
 
     pub(super) fn stop_stream(&mut self, number: u8) -> Result<Payload, RequestFault> {
         if let Some(index) = self.streams.iter().position(|stream| stream.id as u8 == number) {
-            self.close_stream(index);
+            if self.breaches.streams.go_on {
+                let stream = &self.streams[index];
+                self.ended.push((stream.id, stream.stopped()));
+            } else {
+                self.close_stream(index);
+            }
         }
         let ended = self.ended.iter().find(|(id, _)| *id as u8 == number);
-        body(&ended.map_or_else(StreamStopReply::default, |(_, reply)| reply.clone()))
+        let account = ended.map_or_else(StreamStopReply::default, |(_, reply)| reply.clone());
+        body(&self.breaches.streams.account(&account))
     }
 
     /// Ends a stream. Samples that wait for a full frame are sent first.
@@ -148,14 +166,20 @@ impl SimulatedBoard {
             let sensors = &mut self.module.sensors;
             let reader = stream.reader.get_or_insert_with(|| sensors.reader(rate_hz));
             let (world, still) = (&self.world, &mut self.still);
-            let sample = sensors.read(reader, |moment_s| influence(world, still, moment_s), now_s);
+            let mut sample = sensors.read(reader, |moment_s| influence(world, still, moment_s), now_s);
+            if let Some(repeats) = self.breaches.streams.repeats {
+                if repeats.hits(stream.produced()) {
+                    sample = stream.last.clone().unwrap_or(sample);
+                }
+                stream.last = Some(sample.clone());
+            }
             let time_us = self.board_us(stream.next_told_ns());
             let full = match &stream.compensation {
                 Some(compensation) => {
                     let compensated = compensation.apply(&sample);
                     stream.add_sample(&compensated, time_us)
                 }
-                None => stream.add_sample(&sample, time_us),
+                None => stream.add_sample(&self.breaches.values.sample(sample), time_us),
             };
             if let Some(frame) = full {
                 self.send(stream, frame);
@@ -181,15 +205,20 @@ impl SimulatedBoard {
             stream.tick += 1;
             let Some(scatter_s) = self.module.gnss.pps_scatter_s(second_s) else { continue };
             let edge_ns = self.bench_ns(second_s + scatter_s).max(0.0) as u64;
-            let captured_ns = edge_ns.saturating_sub(self.booted_ns) / CAPTURE_NS * CAPTURE_NS;
-            let capture = PpsCapture { board_time_ns: captured_ns };
+            let captured_ns = self.board_ns(edge_ns) / CAPTURE_NS * CAPTURE_NS;
+            let capture = PpsCapture { board_time_ns: self.breaches.values.capture_ns(captured_ns) };
             if let Some(frame) = stream.add_pps(&capture, captured_ns / 1000) {
                 self.send(stream, frame);
             }
         }
     }
 
-    fn send(&mut self, stream: &mut RunningStream, frame: StreamFrame) {
+    fn send(&mut self, stream: &mut RunningStream, mut frame: StreamFrame) {
+        self.frames_made = self.frames_made.wrapping_add(1);
+        if is_nth(self.frames_made, self.breaches.streams.drops_frame_every) {
+            return;
+        }
+        self.breaches.streams.number(&mut frame);
         if self.line_full {
             stream.drop_frame(&frame);
         } else {

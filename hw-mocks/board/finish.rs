@@ -30,7 +30,7 @@ impl SimulatedBoard {
                     let place = u32::from(request.timer);
                     self.log.note(finder, [ErrorFinding { kind: ErrorKind::TimerInterrupts, place, expected, got }]);
                 }
-                body(&reply)
+                body(&self.breaches.values.timers(reply))
             }
             Task::Unanswered => Err(fault(FaultCode::DeviceTimeout, "the module does not answer")),
             Task::Pattern { run, .. } => {
@@ -58,6 +58,9 @@ impl SimulatedBoard {
                 if power.on == 0 {
                     self.close_streams();
                 }
+                if power.on == 1 && self.breaches.state.over_current_at_power_on {
+                    return Err(self.over_current(finder));
+                }
                 self.set_power(power.on == 1);
                 let reply = self.module.supply(self.powered);
                 if self.powered && !SUPPLY_UV.contains(&reply.supply_uv) {
@@ -65,7 +68,7 @@ impl SimulatedBoard {
                     let finding = ErrorFinding { kind: ErrorKind::Supply, place: 0, expected: 5_000_000, got };
                     self.log.note(finder, [finding]);
                 }
-                body(&reply)
+                body(&self.breaches.values.supply(&reply))
             }
             Request::Identity(_) => {
                 let said = self.identity_cache.take().unwrap_or_else(|| self.module.identity.clone());
@@ -75,7 +78,8 @@ impl SimulatedBoard {
             Request::CanCounters(_) => body(&self.module.can.counters()),
             Request::CpuWords(request) => {
                 self.core_answers(request.core)?;
-                body(&CpuWordsReply { words: self.module.cpu.words(&request) })
+                let reply = CpuWordsReply { words: self.module.cpu.words(&request) };
+                body(&self.breaches.values.words(reply))
             }
             Request::CpuIntegers(request) => {
                 self.core_answers(request.core)?;
@@ -106,7 +110,8 @@ impl SimulatedBoard {
             Request::AdRead(request) => {
                 let influence = self.world.influence(self.true_s(self.now_ns));
                 let gauss = self.module.sensors.analogue_gauss(&influence);
-                body(&AdReadReply { channels: self.module.ad.read(request.channels, request.samples, &gauss) })
+                let reply = AdReadReply { channels: self.module.ad.read(request.channels, request.samples, &gauss) };
+                body(&self.breaches.values.channels(reply))
             }
             Request::IoTest(request) => {
                 let levels = self.module.lines.io_test(&request);
@@ -163,6 +168,15 @@ impl SimulatedBoard {
         }
     }
 
+    /// The supply comes on and goes off again at once.
+    fn over_current(&mut self, finder: Finder) -> RequestFault {
+        self.set_power(true);
+        self.set_power(false);
+        let got = self.module.supply(false).supply_uv;
+        self.log.note(finder, [ErrorFinding { kind: ErrorKind::Supply, place: 0, expected: 5_000_000, got }]);
+        fault(FaultCode::DeviceFault, "over current: 2.1 A, switched off")
+    }
+
     fn core_answers(&self, core: u8) -> Result<(), RequestFault> {
         let dead = || fault(FaultCode::DeviceTimeout, &format!("core {core} did not answer"));
         self.module.cpu.answers(core).then_some(()).ok_or_else(dead)
@@ -177,6 +191,7 @@ impl SimulatedBoard {
         let limit_ms = match what {
             Request::CalibrationCommit(_) => {
                 let counter = self.module.calibration.commit();
+                let duration_us = self.breaches.values.flash_us(duration_us);
                 return body(&CalibrationCommitReply { counter, duration_us });
             }
             Request::FlashErase(erase) => {
@@ -196,7 +211,7 @@ impl SimulatedBoard {
             let finding = ErrorFinding { kind: ErrorKind::FlashSlow, place: 0, expected, got: duration_us };
             self.log.note(finder, [finding]);
         }
-        body(&DurationReply { duration_us })
+        body(&DurationReply { duration_us: self.breaches.values.flash_us(duration_us) })
     }
 
     fn note_mismatch(&mut self, kind: ErrorKind, reply: &MismatchReply, finder: Finder) {

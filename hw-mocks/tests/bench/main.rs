@@ -5,6 +5,8 @@
 #[cfg(test)]
 mod board;
 #[cfg(test)]
+mod breaches;
+#[cfg(test)]
 mod calibration;
 #[cfg(test)]
 mod can;
