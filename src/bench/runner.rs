@@ -18,7 +18,7 @@ use std::time::Duration;
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use futures_util::stream::{FuturesUnordered, StreamExt as _};
-use gnc_board::{Advance, BoardClient, BoardLease, Readings};
+use gnc_board::{Advance, BoardClient, BoardError, BoardLease, Readings};
 use gnc_executive::bench::BenchSite;
 use gnc_executive::event::{AttemptError, EventKind, NoteLevel, RunHeader, StopHow};
 use gnc_executive::job::{Job, Next};
@@ -217,8 +217,9 @@ impl Run<'_> {
             self.note(NoteLevel::Error, text.into(), None).await?;
             outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
         }
-        if self.cannot_be_powered.get() {
-            outcome = Outcome::worst([outcome, Outcome::Failed]).unwrap_or(outcome);
+        if self.cannot_be_powered.get() && outcome != Outcome::Aborted {
+            // Items that were not run are no reason to doubt.
+            outcome = Outcome::Failed;
         }
         // The digests cover complete files only.
         self.journal.raw_files_ended().await;
@@ -388,7 +389,11 @@ impl Run<'_> {
             End::Done(ref done) => {
                 self.file_error_records(board, &landed).await?;
                 let Some(item) = self.job().item(landed.position) else { return Ok(()) };
-                let (outcome, error) = self.judged(&landed, item, done.as_ref().err());
+                let (mut outcome, mut error) = self.judged(&landed, item, done.as_ref().err());
+                if outcome == Outcome::Failed && self.lost_power(board).await {
+                    // What the module did without power says nothing of it.
+                    (outcome, error) = self.judged(&landed, item, Some(&BoardError::PowerLost.into()));
+                }
                 self.end_attempt(&landed, outcome, error).await
             }
         }

@@ -67,16 +67,16 @@ pub mod rule {
 
     /// Bytes between frames that are text.
     pub const TEXT: Rule = Rule::note(3, "the board sends text between the frames");
+    /// Bytes between frames that are always the same.
+    pub const BYTES_BETWEEN: Rule = Rule::note(3, "the board sends bytes between the frames that are no frame");
     /// A checksum that is right by another rule.
     pub const CHECKSUM: Rule = Rule::value(3, "the board works the checksum of its frames out in another way");
     /// A frame of another version than the one in force.
     pub const VERSION: Rule = Rule::value(4, "a frame carries another version than the one in force");
     /// A HELLO whose header has another version than 0.
     pub const HELLO_VERSION: Rule = Rule::note(4, "the header of the board's HELLO carries another version than 0");
-    /// Sequence numbers that go back.
-    pub const SEQUENCE_BACK: Rule = Rule::note(4, "the sequence number goes back, and the board did not restart");
-    /// Sequence numbers that stand.
-    pub const SEQUENCE_STANDS: Rule = Rule::note(4, "the sequence number does not count the frames");
+    /// Sequence numbers that go back, or come again with another frame.
+    pub const SEQUENCE: Rule = Rule::note(4, "the sequence number does not count the frames up");
     /// A frame of a stream or an event with the number of a request.
     pub const REQUEST_ID: Rule = Rule::note(4, "a frame that belongs to no request carries a request id");
     /// Text with control characters.
@@ -94,6 +94,8 @@ pub mod rule {
     /// Two boot ids of one start.
     pub const TWO_BOOT_IDS: Rule =
         Rule::note(6, "HELLO and heartbeat carry different boot ids, and the board did not restart");
+    /// A clock that goes back without a restart.
+    pub const CLOCK_BACK: Rule = Rule::value(9, "board time goes back, and the board did not restart");
     /// A boot id that stays at a restart.
     pub const BOOT_ID_KEPT: Rule = Rule::note(6, "the board restarted and kept its boot id");
     /// An answer that comes late.
@@ -112,6 +114,8 @@ pub mod rule {
     pub const ANSWER_LAYOUT: Rule = Rule::note(7, "an answer has another layout");
     /// A replay without its flag.
     pub const REPLAY_FLAG: Rule = Rule::note(7, "a RESULT comes twice, the second time without the flag REPLAYED");
+    /// MAKE_SAFE that ends late.
+    pub const SAFE_LATE: Rule = Rule::note(9, "MAKE_SAFE takes longer than 250 ms");
     /// Heartbeats that come seldom.
     pub const HEARTBEAT_LATE: Rule = Rule::time(9, "more than 1000 ms pass between two heartbeats");
     /// Heartbeats that come often.
@@ -132,9 +136,16 @@ pub mod rule {
     /// A watchdog that acts while the station is heard.
     pub const WATCHDOG_EARLY: Rule = Rule::note(9, "the watchdog acts before 1750 ms without the station have passed");
     /// Samples of a stream that is not running.
-    pub const STREAM_UNASKED: Rule = Rule::time(10, "samples come of a stream that does not run");
+    pub const STREAM_UNASKED: Rule = Rule::note(10, "samples come of a stream that does not run");
     /// Samples before the RESULT of StreamStart.
-    pub const STREAM_EARLY: Rule = Rule::time(10, "samples come before the RESULT of StreamStart");
+    pub const STREAM_EARLY: Rule = Rule::note(10, "samples come before the RESULT of StreamStart");
+    /// Frames with another number of samples.
+    pub const STREAM_COUNT: Rule =
+        Rule::note(10, "a frame holds another number of samples than the RESULT of StreamStart says");
+    /// More samples than were asked for.
+    pub const STREAM_LONG: Rule = Rule::note(10, "a stream goes on beyond the count that was asked for");
+    /// Samples of a time that has not come.
+    pub const STREAM_TIME: Rule = Rule::value(10, "samples carry a board time that the board's clock has not reached");
     /// A frame of a stream that cannot be read.
     pub const STREAM_LAYOUT: Rule = Rule::value(10, "a frame of a stream has another layout");
     /// An account that does not close.
@@ -180,9 +191,18 @@ pub struct Breaches(Arc<Mutex<Seen>>);
 
 #[derive(Debug)]
 struct Seen {
-    breaches: Vec<(Breach, Option<Duration>)>,
+    breaches: Vec<Counted>,
     /// Hands each breach on when the board is first called for it.
     news: mpsc::Sender<Breach>,
+}
+
+#[derive(Debug)]
+struct Counted {
+    breach: Breach,
+    /// The worst time.
+    span: Option<Duration>,
+    /// Whether the board is called for it.
+    told: bool,
 }
 
 /// Breaches that may wait to be read: more than there are rules.
@@ -199,12 +219,21 @@ impl Breaches {
 
     /// Keeps a breach.
     pub(crate) fn see(&self, rule: &'static Rule, case: Case) {
+        self.keep(rule, case, false);
+    }
+
+    /// Keeps a breach of a time that is so gross that once is enough.
+    pub(crate) fn see_gross(&self, rule: &'static Rule, case: Case) {
+        self.keep(rule, case, true);
+    }
+
+    fn keep(&self, rule: &'static Rule, case: Case, gross: bool) {
         let Seen { breaches, news } = &mut *self.lock();
-        let index = breaches.iter().position(|(seen, _)| seen.rule == rule).unwrap_or_else(|| {
-            breaches.push((Breach { rule, count: 0, worst: None }, None));
+        let index = breaches.iter().position(|seen| seen.breach.rule == rule).unwrap_or_else(|| {
+            breaches.push(Counted { breach: Breach { rule, count: 0, worst: None }, span: None, told: false });
             breaches.len() - 1
         });
-        let (breach, span) = &mut breaches[index];
+        let Counted { breach, span, told } = &mut breaches[index];
         breach.count = breach.count.saturating_add(1);
         match case {
             Case::Plain => {}
@@ -212,7 +241,8 @@ impl Breaches {
             Case::Took(took) => keep(breach, span, span.is_none_or(|worst| took > worst), took),
             Case::OnlyTook(took) => keep(breach, span, span.is_none_or(|worst| took < worst), took),
         }
-        if breach.count == rule.needed {
+        if !*told && (gross || breach.count >= rule.needed) {
+            *told = true;
             // There is room for all rules.
             let _ = news.try_send(breach.clone());
         }
@@ -227,8 +257,7 @@ impl Breaches {
 
     /// The breaches that the board is called for.
     pub(crate) fn all(&self) -> Vec<Breach> {
-        let enough = |(breach, _): &&(Breach, Option<Duration>)| breach.count >= breach.rule.needed;
-        self.lock().breaches.iter().filter(enough).map(|(breach, _)| breach.clone()).collect()
+        self.lock().breaches.iter().filter(|seen| seen.told).map(|seen| seen.breach.clone()).collect()
     }
 
     /// The breach that explains best why no answer came.

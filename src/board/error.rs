@@ -123,6 +123,9 @@ pub enum BoardError {
         /// For people.
         text: String,
     },
+    /// The module lost its power while it was measured.
+    #[error("the module lost its power: it was switched on, and the board says now that it is without power")]
+    PowerLost,
     /// The board started and could not finish.
     #[error("{what} failed on the board: {}{}", code.meaning(), colon(text))]
     Fault {
@@ -241,6 +244,18 @@ impl BoardError {
         matches!(self, Self::Refused { code: NakCode::DoesNotFit, .. })
     }
 
+    /// Whether the board answered, so that it can be asked the next thing.
+    pub(crate) fn is_answered(&self) -> bool {
+        matches!(
+            self,
+            Self::Refused { .. }
+                | Self::RefusedUnknown { .. }
+                | Self::Fault { .. }
+                | Self::BadAnswer { .. }
+                | Self::Breach { .. }
+        )
+    }
+
     /// Whether the port or interface was away. The bench is at fault for all that the board did meanwhile.
     #[must_use]
     pub fn is_absence(&self) -> bool {
@@ -282,6 +297,9 @@ impl BoardError {
             }
             Self::BadAnswer { .. } => COMPARE,
             Self::StreamStopped { .. } => "check the line; a slower stream or a higher rate may help",
+            Self::PowerLost => {
+                "look for what switched it off: the board's protection (a short in the module), its supply, or its firmware"
+            }
             Self::TooLong { .. } => "shorten the parameters in the plan",
         }
     }

@@ -9,6 +9,7 @@ use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::Wire as _;
 use tokio::sync::{mpsc, oneshot, watch};
 
+use crate::breach::rule;
 use crate::client::BoardClient;
 use crate::error::{BoardError, gone};
 use crate::session::{Answer, SessionCommand};
@@ -63,6 +64,12 @@ impl<'a> BoardLease<'a> {
     #[must_use]
     pub fn switches_supply(&self) -> bool {
         self.board.hello().capabilities & gnc_protocol::message::capability::POWER != 0
+    }
+
+    /// The error of an answer that cannot be, by what other answers say; the run's record names it.
+    #[must_use]
+    pub fn impossible(&self, of: &'static str, why: String) -> BoardError {
+        self.board.breaches.refuse(&rule::IMPOSSIBLE, of, why)
     }
 
     /// Test frames of the CAN bus that carries this conversation; `None` on another link.
@@ -137,13 +144,13 @@ impl<'a> BoardLease<'a> {
         let last =
             self.requests.borrow().iter().rev().take(gnc_protocol::slave::MAX_RUNNING).copied().collect::<Vec<_>>();
         for request in last {
-            if self.call(&Abort { request }).await.is_err() {
+            if self.call(&Abort { request }).await.is_err_and(|error| !error.is_answered()) {
                 return;
             }
         }
         let open = std::mem::take(&mut *self.streams.borrow_mut());
         for stream in open {
-            if self.call(&StreamStop { stream: stream as u8 }).await.is_err() {
+            if self.call(&StreamStop { stream: stream as u8 }).await.is_err_and(|error| !error.is_answered()) {
                 return;
             }
         }

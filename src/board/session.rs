@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use audit::Audit;
 use gnc_link::{Link, NoFrame};
-use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe};
+use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe, ModulePower};
 use gnc_protocol::serial::LineCounters;
 use gnc_protocol::slave::{KEPT_RESULTS, MAX_RUNNING};
 use gnc_protocol::stream::StreamId;
@@ -22,7 +22,7 @@ use tokio::time::Instant;
 use watchdog::until;
 
 use super::{Advance, BoardError, BoardTime, LinkAbsence, Readings};
-use crate::breach::{Breach, Breaches};
+use crate::breach::{Breach, Breaches, rule};
 use crate::error::Heard;
 use crate::latest::Latest;
 use crate::readings::Gauges;
@@ -124,10 +124,8 @@ struct Pending {
     asked: u32,
     since: Instant,
     due: Instant,
-    /// Times it was sent in all, which `asked` forgets when the board shows that the request runs.
-    sent: u32,
-    /// When it was sent last.
-    sent_at: Instant,
+    /// All times it was sent, which `asked` forgets when the board shows that the request runs.
+    sendings: Sendings,
     /// When the board showed last that the request runs: by ACCEPT or PROGRESS.
     runs: Option<Instant>,
     /// Frames that the line lost before it was sent.
@@ -163,6 +161,24 @@ struct Greeting {
     sent_at: Instant,
 }
 
+/// How often a request was sent and answered.
+#[derive(Debug, Clone, Copy)]
+struct Sendings {
+    sent: u32,
+    first: Instant,
+    last: Instant,
+    /// ACCEPTs, NAKs, and RESULTs that came without ACCEPT.
+    answers: u32,
+    first_answer: Option<Instant>,
+}
+
+/// A request that has ended: answers to it may still come.
+#[derive(Debug)]
+struct Ended {
+    id: (u16, u16),
+    sendings: Sendings,
+}
+
 /// The task's state.
 #[derive(Debug)]
 pub(super) struct Session {
@@ -181,7 +197,10 @@ pub(super) struct Session {
     /// Board time of the session's last heartbeat, in microseconds.
     last_beat_us: Option<u64>,
     /// The last requests that ended: their results may come again.
-    ended: VecDeque<(u16, u16)>,
+    ended: VecDeque<Ended>,
+    /// When HELLO was sent again because its first answer was late, and how many answers were late in a row.
+    hello_asked: Option<Instant>,
+    hello_late: u32,
     /// The board said that it knows no session, and the station has asked why.
     in_doubt: bool,
     pending: Vec<Pending>,
@@ -208,8 +227,11 @@ pub(super) struct Session {
     breaches: Breaches,
     /// What came since the HELLO or the request that waits longest: for the error that says that no answer came.
     heartbeats: u32,
-    /// Damaged frames that are no damage of the line: the board works its checksums out in another way, or prints text.
+    /// Damaged frames that are no damage of the line: the board works its checksums out in another way, or sends what is
+    /// no frame.
     explained: LineCounters,
+    /// What came last that was no frame, and how often in a row.
+    rubbish: (Box<[u8]>, u32),
 }
 
 impl Session {
@@ -234,6 +256,8 @@ impl Session {
             beats_as: None,
             last_beat_us: None,
             ended: VecDeque::new(),
+            hello_asked: None,
+            hello_late: 0,
             in_doubt: false,
             pending: Vec::new(),
             streams: Vec::new(),
@@ -253,6 +277,7 @@ impl Session {
             breaches,
             heartbeats: 0,
             explained: LineCounters::default(),
+            rubbish: (Box::default(), 0),
         }
     }
 
@@ -284,8 +309,7 @@ impl Session {
                 received = self.link.next(reads) => match received {
                     Ok(Ok(frame)) => self.receive(&frame),
                     // The link has counted the damaged frame. The task that misses it asks again.
-                    Ok(Err(NoFrame::Damaged(error))) => self.damaged(error),
-                    Ok(Err(NoFrame::Text(text))) => self.text(text),
+                    Ok(Err(NoFrame::Damaged { error, bytes })) => self.damaged(error, bytes),
                     Ok(Err(NoFrame::Away)) => self.went_away(),
                     Ok(Err(NoFrame::Back { lasted })) => self.came_back(lasted),
                     Err(error) => {
@@ -363,8 +387,7 @@ impl Session {
                     asked: 0,
                     since: now,
                     due: now,
-                    sent: 0,
-                    sent_at: now,
+                    sendings: Sendings { sent: 0, first: now, last: now, answers: 0, first_answer: None },
                     runs: None,
                     lost_before: 0,
                     expected_ms: 0,
@@ -447,6 +470,7 @@ impl Session {
     /// What came instead of an answer.
     fn heard_instead(&self, runs: Option<Instant>, now: Instant) -> Heard {
         match (runs, self.breaches.instead_of_an_answer()) {
+            (Some(_), Some(breach)) if breach.rule == &rule::OTHER_MESSAGE => Heard::Breach(breach),
             (Some(runs), _) => Heard::Accepted { silent: now - runs },
             (None, Some(breach)) => Heard::Breach(breach),
             (None, None) if self.heartbeats > 0 => Heard::Heartbeats,
@@ -486,17 +510,21 @@ impl Session {
             // The first inquiry about a running request is no sign of a loss.
             let lost = pending.asked > 1 || pending.asked == 1 && !std::mem::take(&mut pending.inquiry);
             pending.asked += 1;
-            if pending.sent == 0 {
+            if pending.sendings.sent == 0 {
                 pending.lost_before = self.link.counters().missing;
+                pending.sendings.first = now;
             }
-            pending.sent += 1;
-            pending.sent_at = now;
+            pending.sendings.sent += 1;
+            pending.sendings.last = now;
             // The answer may have to wait behind a full frame of a stream.
             let wire = self.link.exchange_time(pending.payload.len());
             pending.due = now + (timing::ACCEPT_WITHIN + wire + HOST_SLACK) * pending.asked;
             let (request, message, payload) = (pending.request, pending.message, pending.payload.clone());
             self.report.resent += u32::from(lost);
             self.audit.asks(request);
+            if message == ModulePower::ID {
+                self.audit.switches();
+            }
             self.send(Kind::Request, flags, request, message, &payload);
             index += 1;
         }

@@ -342,7 +342,7 @@ impl CanLink {
                     BusEvent::Received(frame) => {
                         self.tap.traffic.send_modify(|traffic| traffic.add(&frame));
                         if let Some(received) = self.endpoint.receive(&frame, self.started.elapsed()) {
-                            return Ok(received.map_err(NoFrame::Damaged));
+                            return Ok(received.map_err(|error| NoFrame::Damaged { error, bytes: Box::default() }));
                         }
                     }
                     BusEvent::Away => {

@@ -10,7 +10,7 @@ use gnc_protocol::{Frame, timing};
 use tokio_util::bytes::Buf as _;
 
 use super::memory::MemoryPort;
-use crate::received::{LinkEvent, NoFrame, text};
+use crate::received::{LinkEvent, NoFrame};
 pub use port::try_open;
 pub(super) use port::{Port, PortEvent, PortLocation};
 
@@ -52,16 +52,14 @@ impl SerialLink {
         }
     }
 
-    /// The next frame in the received bytes. Damaged frames are returned as damaged, lines of text as text.
+    /// The next frame in the received bytes. Bytes that are no frame are returned as damaged.
     fn decoded(&mut self) -> Option<LinkEvent> {
         let incoming = &mut self.port.incoming;
         let mut rest: &[u8] = incoming;
         let received = self.decoder.next(&mut rest);
         let consumed = incoming.len() - rest.len();
         incoming.advance(consumed);
-        received.map(|frame| {
-            frame.map_err(|error| text(self.decoder.rejected()).map_or(NoFrame::Damaged(error), NoFrame::Text))
-        })
+        received.map(|frame| frame.map_err(|error| NoFrame::Damaged { error, bytes: self.decoder.rejected().into() }))
     }
 
     pub(super) fn name(&self) -> String {

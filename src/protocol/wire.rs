@@ -3,6 +3,8 @@
 //! Integers and IEEE 754 doubles are little-endian; a text is a length byte and that many bytes of UTF-8; a byte
 //! block is a `u16` length and the bytes; a list is a `u16` count and the elements.
 
+use core::fmt::Write as _;
+
 use heapless::{String, Vec};
 
 /// Longest payload. A full frame takes 46 ms at 115200 baud, so an ABORT never waits long behind one.
@@ -37,13 +39,28 @@ pub enum WireError {
     #[error("a text is not UTF-8")]
     NotUtf8,
     /// An enumerated field holds a number without a meaning.
-    #[error("{value} is not a known value of {field}")]
+    #[error("{value} is no {} that the interface document has", Words(field))]
     Unknown {
         /// The field.
         field: &'static str,
         /// The number it held.
         value: u32,
     },
+}
+
+/// The name of a field as words: "fault code" for `FaultCode`.
+struct Words<'a>(&'a str);
+
+impl core::fmt::Display for Words<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        for (index, letter) in self.0.char_indices() {
+            if letter.is_ascii_uppercase() && index > 0 {
+                f.write_char(' ')?;
+            }
+            f.write_char(letter.to_ascii_lowercase())?;
+        }
+        Ok(())
+    }
 }
 
 /// The message does not fit into [`MAX_PAYLOAD`] bytes.

@@ -8,13 +8,14 @@ use gnc_board::{BoardClient, BoardError, BoardLease, Readings};
 use gnc_executive::event::{BoardInfo as BoardEvent, EventKind, NoteLevel, Power};
 use gnc_executive::job::{BoardAbilities, BoardLacks};
 use gnc_link::{Link, LinkError, Target};
-use gnc_protocol::PROTOCOL_VERSION;
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
 use gnc_protocol::message::{Flash, FlashId, Identity, MakeSafe, ModulePower, PowerReply, capability};
+use gnc_protocol::{NakCode, PROTOCOL_VERSION};
 use gnc_records::resume::ResumeError;
 use gnc_records::store::StoreError;
 use gnc_text::with_causes;
 use tokio::sync::watch;
+use tokio::time::error::Elapsed;
 use tokio::time::timeout;
 
 use super::Run;
@@ -22,6 +23,11 @@ use crate::procedure::ProcedureError;
 
 /// Longest wait for the board to make itself safe over a live link. If the board does not answer, its watchdog acts.
 pub(super) const SAFE_WITHIN: Duration = Duration::from_millis(250);
+/// Longest wait after that for a board that is late. Its watchdog acts within two seconds.
+const SAFE_LATE: Duration = Duration::from_millis(1500);
+
+/// Sections of the interface document whose breaches make the station ask again.
+const ASKED_AGAIN: [u8; 4] = [3, 4, 6, 7];
 
 /// What to look at if the module cannot be switched on.
 const SHORTED: &str = "look for a short between the module's supply and ground, and at the module in the socket";
@@ -191,16 +197,46 @@ impl Run<'_> {
         resumed.fits(firmware.as_deref(), power.calibration.as_deref())
     }
 
-    /// Whether the module answers although the board has made itself safe. Every request that needs the module's power
-    /// is then refused; this one reads the number of a part and changes nothing.
-    async fn stays_powered(&self, board: &BoardClient) -> bool {
+    /// Asks something that needs the module's power, and changes nothing: the number of a part. A board whose module has
+    /// no power refuses it. `None`: the answer does not tell.
+    async fn is_powered(&self, board: &BoardClient) -> Option<bool> {
         let (lease, question) = (self.own_desk(board), FlashId { flash: Flash::Spi as u8 });
-        let answer = timeout(SAFE_WITHIN, lease.call(&question)).await;
-        let answered = matches!(answer, Ok(Ok(_) | Err(BoardError::Fault { .. })));
-        if answered {
+        match timeout(SAFE_WITHIN, lease.call(&question)).await.ok()? {
+            Ok(_) | Err(BoardError::Fault { .. }) => Some(true),
+            Err(BoardError::Refused { code: NakCode::NotPowered, .. }) => Some(false),
+            Err(_) => None,
+        }
+    }
+
+    /// Whether the module is still under power although the board has made itself safe.
+    async fn stays_powered(&self, board: &BoardClient) -> bool {
+        let stays = self.is_powered(board).await == Some(true);
+        if stays {
             board.broke(&rule::STAYS_POWERED);
         }
-        answered
+        stays
+    }
+
+    /// Whether the module lost the power that it was given.
+    pub(super) async fn lost_power(&self, board: &BoardClient) -> bool {
+        self.own_desk(board).switches_supply() && self.is_powered(board).await == Some(false)
+    }
+
+    /// Asks the board to make itself safe. One that is late is waited for and named.
+    async fn made_safe(&self, board: &BoardClient) -> Result<Result<(), BoardError>, Elapsed> {
+        let lease = self.own_desk(board);
+        let safe = lease.call(&MakeSafe {});
+        tokio::pin!(safe);
+        match timeout(SAFE_WITHIN, &mut safe).await {
+            Ok(safe) => Ok(safe),
+            Err(_) => {
+                let safe = timeout(SAFE_LATE, &mut safe).await;
+                if let Ok(Ok(())) = safe {
+                    board.broke(&rule::SAFE_LATE);
+                }
+                safe
+            }
+        }
     }
 
     /// Switches the module off, stops streams, releases lines.
@@ -208,7 +244,7 @@ impl Run<'_> {
         let safe = if self.link_lost.get() {
             Ok(Err(BoardError::Gone { reason: "the link was lost".into() }))
         } else {
-            timeout(SAFE_WITHIN, self.own_desk(&board).call(&MakeSafe {})).await
+            self.made_safe(&board).await
         };
         let switches = board.hello().capabilities & capability::POWER != 0;
         let stays_powered = switches && matches!(safe, Ok(Ok(()))) && self.stays_powered(&board).await;
@@ -240,7 +276,10 @@ impl Run<'_> {
         }
         let received = &report.received;
         let damaged = received.bad_checksum + received.malformed;
-        if damaged + received.missing + report.resent + report.stale + report.echoed > 0 {
+        // A board that answers late or not at all makes the station ask again; the line is not to blame then.
+        let board = report.breaches.iter().any(|breach| ASKED_AGAIN.contains(&breach.rule.section));
+        let resent = if board { 0 } else { report.resent };
+        if damaged + received.missing + resent + report.stale + report.echoed > 0 {
             let (missing, echo) = match report.echoed {
                 0 => (received.missing.to_string(), String::new()),
                 echoed => (

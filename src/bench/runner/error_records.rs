@@ -20,9 +20,8 @@ impl Run<'_> {
                 Ok(reply) => reply,
                 Err(_) if self.records_refused.get() => break,
                 Err(error) => {
-                    // A board without error records refuses them after each item; once is enough.
-                    self.records_refused
-                        .set(matches!(error, BoardError::Refused { .. } | BoardError::RefusedUnknown { .. }));
+                    // A board that cannot tell its records cannot after any item; once is enough.
+                    self.records_refused.set(true);
                     let text = format!("the board's error records cannot be read: {}", with_causes(&error));
                     self.note(NoteLevel::Warning, text, Some(&item.name)).await?;
                     break;

@@ -37,7 +37,7 @@ pub(super) fn judge(
         | ProcedureError::CaptureLost { .. }
         // What the board says against the interface document says nothing either, and a value before it may be of the
         // same kind.
-        | ProcedureError::Board(BoardError::Breach { .. }) => Outcome::Errored,
+        | ProcedureError::Board(BoardError::Breach { .. } | BoardError::PowerLost) => Outcome::Errored,
         // A limit was violated before the trouble; that verdict stands.
         _ if violates(measured) => Outcome::Failed,
         ProcedureError::Board(BoardError::Restarted { .. }) => Outcome::Failed,

@@ -3,22 +3,30 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use gnc_protocol::message::{Heartbeat, StreamStopReply};
+use gnc_protocol::frame::checksum;
+use gnc_protocol::message::{Heartbeat, StreamStart, StreamStartReply, StreamStopReply};
 use gnc_protocol::serial::LineCounters;
 use gnc_protocol::stream::{StreamHead, StreamId};
-use gnc_protocol::{Header, Kind, PROTOCOL_VERSION, timing};
+use gnc_protocol::{Frame, Header, Kind, PROTOCOL_VERSION, timing};
 use tokio::time::Instant;
 
 use crate::breach::{Breaches, Case, Rule, rule};
 
 /// Requests whose numbers the station remembers: an answer to one of these was asked for once.
 const ASKED: usize = 1024;
-/// Steps back of a sequence number that a line which doubles frames, or hands them on in another order, may make.
-const OVERTAKEN: u16 = 16;
-/// Frames in a row with one sequence number after which the board does not count them.
-const SAME: u32 = 3;
-/// What an USB adapter and this computer may add to the time of an answer.
-const HOST_ADDS: Duration = Duration::from_millis(40);
+/// Frames whose sequence numbers are remembered. A line that doubles frames or changes their order does not move them
+/// farther.
+const NUMBERED: usize = 32;
+/// What an USB adapter holds back, with its latency timer as it comes (section 2).
+const HOST_ADDS: Duration = Duration::from_millis(16);
+/// An answer that is late by this factor is late beyond doubt.
+const GROSS: u32 = 4;
+/// Time without a heartbeat that no busy computer explains.
+const NO_BEAT: Duration = Duration::from_millis(2500);
+/// Samples may come for this long after the RESULT of StreamStop: on CAN they have the lowest priority.
+const BEHIND_STOP: Duration = Duration::from_millis(500);
+/// Board time of samples may be ahead of a heartbeat by this much.
+const AHEAD_US: u64 = 1_000_000;
 /// A heartbeat may be early or late by this much: what the adapter adds, and half of a frame that is in its way.
 const BEAT_OFF: Duration = Duration::from_millis(250);
 /// PROGRESS may be late by this much.
@@ -28,7 +36,7 @@ const SHOWN_AFTER: Duration = Duration::from_millis(1500);
 /// The watchdog may be early by this much, since a request may have been on its way for some time.
 const WATCHDOG_OFF: Duration = Duration::from_millis(150);
 /// Bits of [`Heartbeat::state`].
-const SESSION_OPEN: u8 = 1 << 0;
+pub(super) const SESSION_OPEN: u8 = 1 << 0;
 const POWERED: u8 = 1 << 1;
 
 /// What the conversation knows of the board's manners.
@@ -36,9 +44,14 @@ const POWERED: u8 = 1 << 1;
 pub(super) struct Audit {
     breaches: Breaches,
     asked: VecDeque<u16>,
-    /// The sequence number that is due, and how many frames in a row had the number before it.
-    sequence: Option<(u16, u32)>,
+    /// The sequence numbers of the last frames with the checksums of those frames.
+    numbers: VecDeque<(u16, u32)>,
+    /// Whether the newest frame came a second time.
+    doubled: bool,
+    /// The last heartbeat, or the beginning of the session.
     beat: Option<Instant>,
+    /// Whether the present time without a heartbeat is kept already.
+    beat_missed: bool,
     /// The station was not at its work until then, so times up to then say nothing of the board.
     blind_until: Option<Instant>,
     /// Whether the module is under power by what the board was told and said, and since when.
@@ -61,8 +74,17 @@ struct StreamRun {
     /// The number after the last sample that came, and what the board had dropped then.
     end: u32,
     dropped: u32,
-    /// What the line had lost when the stream began.
+    /// What the line had lost when the last frame came.
     before: LineCounters,
+    /// Samples that were asked for, 0 for any number.
+    count: u32,
+    /// Samples in each frame but the last one, 0 for any number, and those of the last frame.
+    a_frame: u16,
+    last_frame: Option<u16>,
+    /// When the board had stopped it.
+    stopped: Option<Instant>,
+    /// The newest board time of its samples.
+    newest_us: u64,
 }
 
 impl Audit {
@@ -70,8 +92,10 @@ impl Audit {
         Self {
             breaches,
             asked: VecDeque::new(),
-            sequence: None,
+            numbers: VecDeque::with_capacity(NUMBERED),
+            doubled: false,
             beat: None,
+            beat_missed: false,
             blind_until: None,
             powered: None,
             opened: None,
@@ -106,9 +130,10 @@ impl Audit {
     }
 
     /// Looks at a frame's header. `false`: the frame is of another version and must be dropped.
-    pub(super) fn header(&mut self, header: &Header) -> bool {
+    pub(super) fn header(&mut self, frame: &Frame) -> bool {
+        let header = &frame.header;
         if self.numbered {
-            self.number(header);
+            self.number(frame);
         }
         let Header { version, kind, request, .. } = *header;
         match kind {
@@ -129,33 +154,49 @@ impl Audit {
         true
     }
 
-    fn number(&mut self, header: &Header) {
-        let Header { kind, sequence, .. } = *header;
-        let due = self.sequence.filter(|_| kind != Kind::Hello);
-        let Some((due, same)) = due else {
-            self.sequence = Some((sequence.wrapping_add(1), 1));
-            return;
-        };
-        let back = due.wrapping_sub(sequence);
-        let same = if back == 1 { same + 1 } else { 1 };
-        if same == SAME {
-            self.see(&rule::SEQUENCE_STANDS, Case::Words(format!("{sequence} three times in a row")));
-        } else if back > OVERTAKEN && back < 0x8000 {
-            self.see(&rule::SEQUENCE_BACK, Case::Words(format!("from {} to {sequence}", due.wrapping_sub(1))));
+    /// A number that comes again with the same frame was doubled on the line. With another frame, the board does not count.
+    fn number(&mut self, frame: &Frame) {
+        let Header { kind, request, message, sequence, .. } = frame.header;
+        let of_header = u32::from(request) << 16 | u32::from(message);
+        let sum = checksum(&frame.payload) ^ of_header.rotate_left(kind as u32);
+        if kind == Kind::Hello {
+            self.numbers.clear();
         }
-        self.sequence = Some((sequence.wrapping_add(1), same));
+        let again = self.numbers.iter().find(|(number, _)| *number == sequence).map(|(_, before)| *before != sum);
+        let far = self.numbers.back().is_some_and(|(last, _)| {
+            let back = last.wrapping_sub(sequence);
+            usize::from(back) >= NUMBERED && back < 0x8000
+        });
+        self.doubled = again == Some(false);
+        match again {
+            Some(true) => self.see(&rule::SEQUENCE, Case::Words(format!("{sequence} comes again with another frame"))),
+            Some(false) => return,
+            None if far => self.see(&rule::SEQUENCE, Case::Words(format!("it goes back to {sequence}"))),
+            None => {}
+        }
+        if self.numbers.len() == NUMBERED {
+            self.numbers.pop_front();
+        }
+        self.numbers.push_back((sequence, sum));
+    }
+
+    /// Whether the newest frame is one that the line doubled.
+    pub(super) fn was_doubled(&self) -> bool {
+        self.doubled
     }
 
     /// The board restarted, or a new session begins: numbers and times begin anew.
     pub(super) fn begins_anew(&mut self) {
-        (self.sequence, self.beat, self.powered, self.opened, self.heard_us) = (None, None, None, None, None);
+        (self.beat, self.powered, self.opened, self.heard_us) = (None, None, None, None);
+        self.numbers.clear();
+        self.beat_missed = false;
         self.runs.clear();
     }
 
     /// The board answered HELLO: the session is open, and its module is without power.
     pub(super) fn session_opened(&mut self, now: Instant, switches: bool) {
         self.begins_anew();
-        self.opened = Some(now);
+        (self.opened, self.beat) = (Some(now), Some(now));
         self.powered = switches.then_some((false, now));
     }
 
@@ -168,9 +209,16 @@ impl Audit {
     /// the time on the wire.
     pub(super) fn took(&self, rule: &'static Rule, asked: Instant, wire: Duration, now: Instant) {
         let Some(took) = self.span(asked, now) else { return };
-        if took > timing::ACCEPT_WITHIN + wire + HOST_ADDS {
+        if took > timing::ACCEPT_WITHIN * GROSS + wire + HOST_ADDS {
+            self.breaches.see_gross(rule, Case::Took(took));
+        } else if took > timing::ACCEPT_WITHIN + wire + HOST_ADDS {
             self.see(rule, Case::Took(took));
         }
+    }
+
+    /// Whether an answer that came now to something that was sent at `asked` is late.
+    pub(super) fn is_late(&self, asked: Instant, wire: Duration, now: Instant) -> bool {
+        self.span(asked, now).is_some_and(|took| took > timing::ACCEPT_WITHIN + wire + HOST_ADDS)
     }
 
     /// An accepted request shows that it runs, by PROGRESS or by its result.
@@ -181,41 +229,107 @@ impl Audit {
         }
     }
 
+    /// The module's supply is being switched: its state is unknown until the answer.
+    pub(super) fn switches(&mut self) {
+        self.powered = None;
+    }
+
     /// The module's supply was switched, by the board's own answer.
     pub(super) fn switched(&mut self, on: bool, now: Instant) {
-        if self.powered.is_some_and(|(before, _)| before != on) {
-            self.powered = Some((on, now));
-        }
+        self.powered = Some((on, now));
     }
 
     /// The board has started a stream.
-    pub(super) fn started(&mut self, id: StreamId, counters: LineCounters) {
+    pub(super) fn started(
+        &mut self,
+        id: StreamId,
+        asked: &StreamStart,
+        reply: &StreamStartReply,
+        counters: LineCounters,
+    ) {
         self.runs.retain(|run| run.id != id);
-        self.runs.push(StreamRun { id, runs: true, end: 0, dropped: 0, before: counters });
+        // On CAN the link puts the frames together.
+        let a_frame = if self.numbered { reply.samples_per_frame.into() } else { 0 };
+        self.runs.push(StreamRun {
+            id,
+            runs: true,
+            end: 0,
+            dropped: 0,
+            before: counters,
+            count: asked.count,
+            a_frame,
+            last_frame: None,
+            stopped: None,
+            newest_us: 0,
+        });
     }
 
     /// All streams have ended: the module is without power.
-    pub(super) fn streams_ended(&mut self) {
-        self.runs.iter_mut().for_each(|run| run.runs = false);
-    }
-
-    /// A frame of a stream came. `starting`: the RESULT of its StreamStart has not come.
-    pub(super) fn frame(&mut self, id: StreamId, head: &StreamHead, starting: bool) {
-        match self.runs.iter_mut().find(|run| run.id == id && run.runs) {
-            Some(run) => {
-                run.end = run.end.max(head.first.saturating_add(head.count.into()));
-                run.dropped = run.dropped.max(head.dropped);
-            }
-            None if starting => self.see(&rule::STREAM_EARLY, Case::Words(id.name().to_owned())),
-            None => self.see(&rule::STREAM_UNASKED, Case::Words(id.name().to_owned())),
+    pub(super) fn streams_ended(&mut self, now: Instant) {
+        for run in self.runs.iter_mut().filter(|run| run.runs) {
+            (run.runs, run.stopped) = (false, Some(now));
         }
     }
 
+    /// A frame of a stream came. `starting`: the RESULT of its StreamStart has not come. Returns why the frame cannot be.
+    pub(super) fn frame(
+        &mut self,
+        id: StreamId,
+        head: &StreamHead,
+        starting: bool,
+        counters: LineCounters,
+        now: Instant,
+    ) -> Option<String> {
+        let numbered = self.numbered;
+        let name = || Case::Words(id.name().to_owned());
+        let Some(run) = self.runs.iter_mut().find(|run| run.id == id).filter(|_| !starting) else {
+            if numbered || !starting {
+                self.see(if starting { &rule::STREAM_EARLY } else { &rule::STREAM_UNASKED }, name());
+            }
+            return None;
+        };
+        let (before, end) = (run.end, head.first.saturating_add(head.count.into()));
+        let on_board = head.dropped.saturating_sub(run.dropped);
+        let gap = head.first.saturating_sub(before).saturating_sub(on_board);
+        let lost = lost(counters) != lost(run.before);
+        let a_frame = run.a_frame;
+        let other_count = run.last_frame.filter(|last| a_frame > 0 && *last != a_frame);
+        let beyond = run.count > 0 && end > run.count && before <= run.count;
+        let late = run.stopped.is_some_and(|stopped| now > stopped + BEHIND_STOP && head.board_time_us > run.newest_us);
+        (run.end, run.dropped) = (before.max(end), run.dropped.max(head.dropped));
+        (run.before, run.last_frame) = (counters, Some(head.count));
+        run.newest_us = run.newest_us.max(head.board_time_us);
+        if let Some(last) = other_count {
+            let words = format!("{}: {last} instead of {a_frame}", id.name());
+            self.see(&rule::STREAM_COUNT, Case::Words(words));
+        }
+        if beyond {
+            self.see(&rule::STREAM_LONG, name());
+        }
+        if late {
+            self.see(&rule::STREAM_UNASKED, name());
+        }
+        (numbered && gap > 0 && !lost).then(|| {
+            format!(
+                "{gap} samples are missing before number {}, dropped counts none, and no frame is missing",
+                head.first
+            )
+        })
+    }
+
     /// The board has stopped a stream. Returns why its account cannot be, if it cannot.
-    pub(super) fn stopped(&mut self, id: StreamId, reply: &StreamStopReply, counters: LineCounters) -> Option<String> {
+    pub(super) fn stopped(
+        &mut self,
+        id: StreamId,
+        reply: &StreamStopReply,
+        counters: LineCounters,
+        now: Instant,
+    ) -> Option<String> {
         let StreamStopReply { produced, dropped } = *reply;
         let run = self.runs.iter_mut().find(|run| run.id == id)?;
-        run.runs = false;
+        if std::mem::take(&mut run.runs) {
+            run.stopped = Some(now);
+        }
         let (end, dropped_before) = (run.end, run.dropped);
         if produced < end {
             return Some(format!("{} came up to sample {end}, of {produced} produced", id.name()));
@@ -224,7 +338,6 @@ impl Audit {
             return Some(format!("{dropped} samples of {} dropped, after {dropped_before} before", id.name()));
         }
         // On CAN the line can lose samples without a trace in the counters.
-        let lost = |counters: LineCounters| (counters.missing, counters.bad_checksum, counters.malformed);
         let most = end.saturating_add(dropped - dropped_before);
         if self.numbered && lost(counters) == lost(run.before) && produced > most {
             let not_sent = produced - most;
@@ -236,16 +349,36 @@ impl Audit {
         None
     }
 
+    /// Streams whose samples are of a time that the board's clock has not reached, and that time in microseconds.
+    pub(super) fn ahead_of(&mut self, now_us: u64) -> Vec<(StreamId, u64)> {
+        let ahead = |run: &&mut StreamRun| run.newest_us > now_us.saturating_add(AHEAD_US);
+        let ahead = self.runs.iter_mut().filter(ahead);
+        ahead.map(|run| (run.id, std::mem::take(&mut run.newest_us))).collect()
+    }
+
+    /// Something came from the board: heartbeats must too.
+    pub(super) fn heard(&mut self, now: Instant) {
+        let Some(gap) = self.beat.and_then(|before| self.span(before, now)).filter(|gap| *gap > NO_BEAT) else {
+            return;
+        };
+        if !std::mem::replace(&mut self.beat_missed, true) {
+            self.breaches.see_gross(&rule::HEARTBEAT_LATE, Case::Took(gap));
+        }
+    }
+
     /// A heartbeat of the session.
     pub(super) fn beat(&mut self, beat: &Heartbeat, now: Instant) {
-        if let Some(gap) = self.beat.and_then(|before| self.span(before, now)) {
-            if gap > timing::HEARTBEAT_EVERY + BEAT_OFF {
+        if let Some(gap) =
+            self.beat.filter(|before| Some(*before) != self.opened).and_then(|before| self.span(before, now))
+        {
+            if gap > timing::HEARTBEAT_EVERY + BEAT_OFF && !self.beat_missed {
                 self.see(&rule::HEARTBEAT_LATE, Case::Took(gap));
             } else if gap + BEAT_OFF < timing::HEARTBEAT_EVERY {
                 self.see(&rule::HEARTBEAT_EARLY, Case::OnlyTook(gap));
             }
         }
         self.beat = Some(now);
+        self.beat_missed = false;
         let shown = |since: Instant| self.span(since, now).is_some_and(|span| span > SHOWN_AFTER);
         if self.opened.is_some_and(shown)
             && beat.state & SESSION_OPEN == 0
@@ -268,4 +401,8 @@ impl Audit {
             self.see(&rule::WATCHDOG_EARLY, Case::OnlyTook(quiet));
         }
     }
+}
+
+fn lost(counters: LineCounters) -> (u32, u32, u32) {
+    (counters.missing, counters.bad_checksum, counters.malformed)
 }

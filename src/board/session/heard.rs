@@ -3,21 +3,38 @@
 use gnc_protocol::frame::FrameError;
 use gnc_protocol::message::{
     Accept, BoardHello, Call as _, Heartbeat, MAGIC, MakeSafe, ModulePower, Nak, Progress, ResultHead, StreamStart,
-    StreamStop, StreamStopReply, capability, event,
+    StreamStartReply, StreamStop, StreamStopReply, capability, event,
 };
 use gnc_protocol::slave::KEPT_RESULTS;
 use gnc_protocol::stream::StreamId;
-use gnc_protocol::wire::{FieldReader, Text, Wire as _};
+use gnc_protocol::wire::{FieldReader, Text, Wire as _, WireError};
 use gnc_protocol::{FaultCode, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload, timing};
 use tokio::sync::mpsc;
 use tokio::time::{Duration, Instant};
 
+use super::audit::SESSION_OPEN;
 use super::possible::{self, Impossible};
-use super::{Answer, HELLO_BYTES, HELLO_FOR, Pending, Session};
+use super::{Answer, Ended, HELLO_BYTES, HELLO_FOR, Pending, Sendings, Session};
 use crate::breach::{Case, rule};
 use crate::error::BoardError;
 use crate::status::{Advance, BoardTime};
 use crate::stream::{Newest, SampleFrame};
+
+/// HELLOs that are answered late until the board is late and not this computer.
+const HELLOS: u32 = 3;
+/// Times in a row that the same bytes come between frames until they are no damage.
+const SAME_RUBBISH: u32 = 5;
+/// Shortest text between frames, in bytes. Damaged frames are hardly ever text.
+const SHORTEST_TEXT: usize = 4;
+
+/// The bytes as text that a program prints, if they are. Pieces of the sentences of a receiver, which consist of numbers
+/// and commas, are parts of frames.
+fn text(bytes: &[u8]) -> Option<String> {
+    let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n' | 0x1b);
+    let text = str::from_utf8(bytes).ok().filter(|_| bytes.iter().all(is_text))?.trim();
+    let figures = text.bytes().filter(|byte| matches!(byte, b'0'..=b'9' | b',' | b'.' | b'$' | b'*')).count();
+    (text.len() >= SHORTEST_TEXT && 2 * figures < text.len()).then(|| text.to_owned())
+}
 
 impl Session {
     pub(super) fn receive(&mut self, frame: &Frame) {
@@ -29,33 +46,52 @@ impl Session {
             return;
         }
         self.heard = now;
-        if !self.audit.header(&frame.header) {
+        if !self.audit.header(frame) {
             return;
         }
+        self.audit.heard(now);
         match kind {
             Kind::Hello => self.hello(&frame.payload),
             Kind::Accept => self.accepted((request, message), &frame.payload, now),
             Kind::Progress => self.progressed((request, message), &frame.payload, now),
             Kind::Result => self.finished((request, message), frame.header.flags, &frame.payload, now),
             Kind::Nak => self.refused(request, message, &frame.payload, now),
-            Kind::Stream => self.streamed(message, &frame.payload),
+            Kind::Stream => self.streamed(message, &frame.payload, now),
             Kind::Event => self.event(message, &frame.payload),
             Kind::Request => {}
         }
     }
 
-    /// A frame came damaged.
-    pub(super) fn damaged(&mut self, error: FrameError) {
+    /// Bytes came that are no frame.
+    pub(super) fn damaged(&mut self, error: FrameError, bytes: Box<[u8]>) {
         if let FrameError::Checksum { mistake: Some(mistake), .. } = error {
             self.explained.bad_checksum += 1;
-            self.audit.see(&rule::CHECKSUM, Case::Words(mistake.meaning().to_owned()));
+            return self.audit.see(&rule::CHECKSUM, Case::Words(mistake.meaning().to_owned()));
         }
-    }
-
-    /// Text came between the frames.
-    pub(super) fn text(&mut self, text: String) {
-        self.explained.malformed += 1;
-        self.audit.see(&rule::TEXT, Case::Words(format!("\"{text}\"")));
+        if let Some(text) = text(&bytes) {
+            self.explained.malformed += 1;
+            return self.audit.see(&rule::TEXT, Case::Words(format!("\"{text}\"")));
+        }
+        let (last, times) = &mut self.rubbish;
+        if bytes.is_empty() || bytes != *last {
+            self.rubbish = (bytes, 1);
+            return;
+        }
+        *times += 1;
+        // Damage is not the same again and again.
+        let new = match *times {
+            SAME_RUBBISH => SAME_RUBBISH,
+            SAME_RUBBISH.. => 1,
+            _ => return,
+        };
+        let counted = if matches!(error, FrameError::Checksum { .. }) {
+            &mut self.explained.bad_checksum
+        } else {
+            &mut self.explained.malformed
+        };
+        *counted += new;
+        let hex = bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ");
+        self.audit.see(&rule::BYTES_BETWEEN, Case::Words(hex));
     }
 
     fn hello(&mut self, payload: &[u8]) {
@@ -68,6 +104,9 @@ impl Session {
         if let Some((nonce, before)) = self.session {
             if hello.nonce != nonce {
                 return;
+            }
+            if let Some(asked) = self.hello_asked.take() {
+                self.hello_took(asked, now);
             }
             if hello.boot_id != before {
                 self.restarted(before, hello.boot_id);
@@ -91,12 +130,6 @@ impl Session {
             }
             return;
         };
-        if greeting.asked == 1 {
-            self.audit.took(&rule::HELLO_LATE, greeting.sent_at, self.link.exchange_time(HELLO_BYTES), now);
-        } else if now > greeting.since + HELLO_FOR {
-            // It did not answer for as long as HELLO was repeated, so this computer is not to blame.
-            self.audit.see(&rule::HELLO_VERY_LATE, Case::Took(now - greeting.since));
-        }
         if hello.chosen != PROTOCOL_VERSION {
             let error = BoardError::Version { lowest: hello.lowest, highest: hello.highest };
             let _ = greeting.answer.send(Err(error));
@@ -110,6 +143,11 @@ impl Session {
         self.in_doubt = false;
         self.interrupted = None;
         (self.other_boot_id, self.beats_as) = (None, None);
+        if [&hello.serial, &hello.firmware].into_iter().any(|text| text.chars().any(char::is_control)) {
+            let texts =
+                format!("serial \"{}\", firmware \"{}\"", hello.serial.escape_debug(), hello.firmware.escape_debug());
+            self.audit.see(&rule::CONTROL_CHARACTER, Case::Words(texts));
+        }
         if !(hello.lowest..=hello.highest).contains(&hello.chosen) {
             let case = format!("version {} of {} to {}", hello.chosen, hello.lowest, hello.highest);
             self.audit.see(&rule::VERSION_RANGE, Case::Words(case));
@@ -120,7 +158,31 @@ impl Session {
         self.before.get_or_insert_with(|| self.link.counters());
         self.link.restart_sequence();
         self.board_time.change(|board_time| *board_time = BoardTime::default());
+        (self.hello_asked, self.hello_late) = (None, 0);
+        if greeting.asked == 1 {
+            self.hello_took(greeting.sent_at, now);
+        } else if now > greeting.since + HELLO_FOR {
+            // It did not answer for as long as HELLO was repeated, so this computer is not to blame.
+            self.audit.see(&rule::HELLO_VERY_LATE, Case::Took(now - greeting.since));
+        }
         let _ = greeting.answer.send(Ok(hello));
+    }
+
+    /// The board took until now to answer a HELLO. A late answer may be this computer's delay, so the station asks again: the
+    /// same HELLO changes nothing. The board is late if it is so each time.
+    fn hello_took(&mut self, asked: Instant, now: Instant) {
+        let wire = self.link.exchange_time(HELLO_BYTES);
+        if !self.audit.is_late(asked, wire, now) {
+            return;
+        }
+        self.audit.took(&rule::HELLO_LATE, asked, wire, now);
+        self.hello_late += 1;
+        if let Some((nonce, _)) = self.session
+            && self.hello_late < HELLOS
+        {
+            self.hello_asked = Some(now);
+            self.say_hello(nonce);
+        }
     }
 
     /// The request that an answer names, if it is one that waits.
@@ -135,10 +197,11 @@ impl Session {
     }
 
     fn accepted(&mut self, id: (u16, u16), payload: &[u8], now: Instant) {
+        self.count_answer(id, now);
         let wire = self.link.exchange_time(0);
         let Some(pending) = self.named(id) else { return };
         pending.due = now + timing::PROGRESS_LOST_AFTER;
-        let (first, once, sent_at) = (pending.runs.is_none(), pending.sent == 1, pending.sent_at);
+        let (first, once, sent_at) = (pending.runs.is_none(), pending.sendings.sent == 1, pending.sendings.last);
         // The request runs, so earlier losses no longer count.
         pending.asked = 1;
         pending.ended_since = 0;
@@ -155,6 +218,26 @@ impl Session {
             if first {
                 self.audit.took(&rule::ANSWER_LATE, sent_at, wire, now);
             }
+        }
+    }
+
+    /// Counts the answers to what was sent several times. As many answers as transmissions show that none was lost, so the
+    /// first answer was late and answered the first transmission.
+    fn count_answer(&mut self, id: (u16, u16), now: Instant) {
+        let pending = self.pending.iter_mut().find(|pending| (pending.request, pending.message) == id);
+        let ended = self.ended.iter_mut().find(|ended| ended.id == id);
+        let Some(sendings) = pending.map(|pending| &mut pending.sendings).or(ended.map(|ended| &mut ended.sendings))
+        else {
+            return;
+        };
+        if self.audit.was_doubled() {
+            return;
+        }
+        sendings.answers += 1;
+        let first_answer = *sendings.first_answer.get_or_insert(now);
+        if sendings.answers == sendings.sent && sendings.sent > 1 {
+            let (first, wire) = (sendings.first, self.link.exchange_time(0));
+            self.audit.took(&rule::ANSWER_LATE, first, wire, first_answer);
         }
     }
 
@@ -185,21 +268,32 @@ impl Session {
     }
 
     fn finished(&mut self, id: (u16, u16), flags: Flags, payload: &[u8], now: Instant) {
+        let accepted =
+            self.pending.iter().any(|pending| (pending.request, pending.message) == id && pending.runs.is_some());
+        if !accepted {
+            self.count_answer(id, now);
+        }
         if self.named(id).is_none() {
             // A result for which no request waits: a replay that was asked for once too often.
-            if self.ended.contains(&id) && !flags.has(Flags::REPLAYED) {
+            if self.ended.iter().any(|ended| ended.id == id) && !flags.has(Flags::REPLAYED) && !self.audit.was_doubled()
+            {
                 self.audit.see(&rule::REPLAY_FLAG, Case::Words(format!("request {}", id.0)));
             }
             return;
         }
         let Some(pending) = self.take(id.0, id.1) else { return };
-        self.remember(id);
+        self.remember(id, pending.sendings);
         pending.advance.send_replace(Advance::default());
         self.audit_result(&pending, flags, now);
         let what = pending.what;
         let mut reader = FieldReader::new(payload);
         let answer = match ResultHead::get(&mut reader) {
-            Err(source) => Err(BoardError::BadAnswer { what, source }),
+            Err(source) => {
+                if let WireError::Unknown { value, .. } = source {
+                    self.audit.see(&rule::CODE_UNKNOWN, Case::Words(format!("RESULT with status {value}")));
+                }
+                Err(BoardError::BadAnswer { what, source })
+            }
             Ok(ResultHead { status: FaultCode::None, elapsed_us }) => Ok(Answer {
                 request: id.0,
                 elapsed: Duration::from_micros(elapsed_us.into()),
@@ -224,33 +318,38 @@ impl Session {
                 (ModulePower::ID, Some(on)) => {
                     self.audit.switched(*on == 1, now);
                     if *on != 1 {
-                        self.audit.streams_ended();
+                        self.audit.streams_ended(now);
                     }
                 }
                 (MakeSafe::ID, _) => {
                     self.audit.switched(false, now);
-                    self.audit.streams_ended();
+                    self.audit.streams_ended(now);
                 }
-                (StreamStart::ID, Some(stream)) => {
-                    if let Some(id) = StreamId::from_number(*stream) {
-                        self.audit.started(id, self.link.counters());
-                    }
-                }
+                (StreamStart::ID, _) => self.started(&pending.payload, &answer.body),
                 _ => {}
             }
         }
-        let answer = answer.and_then(|answer| self.closed(&pending, answer));
+        let answer = answer.and_then(|answer| self.closed(&pending, answer, now));
         let _ = pending.answer.send(answer);
     }
 
+    fn started(&mut self, asked: &[u8], body: &[u8]) {
+        let (Ok(asked), Ok(reply)) = (StreamStart::from_payload(asked), StreamStartReply::from_payload(body)) else {
+            return;
+        };
+        if let Some(id) = StreamId::from_number(asked.stream) {
+            self.audit.started(id, &asked, &reply, self.link.counters());
+        }
+    }
+
     /// Closes the account of a stream that the board has stopped.
-    fn closed(&mut self, pending: &Pending, answer: Answer) -> Result<Answer, BoardError> {
+    fn closed(&mut self, pending: &Pending, answer: Answer, now: Instant) -> Result<Answer, BoardError> {
         let (StreamStop::ID, Some(stream)) = (pending.message, pending.payload.first()) else { return Ok(answer) };
         let (Some(id), Ok(reply)) = (StreamId::from_number(*stream), StreamStopReply::from_payload(&answer.body))
         else {
             return Ok(answer);
         };
-        match self.audit.stopped(id, &reply, self.link.counters()) {
+        match self.audit.stopped(id, &reply, self.link.counters(), now) {
             None => Ok(answer),
             Some(why) => Err(self.breaches.refuse(&rule::ACCOUNT, pending.what, why)),
         }
@@ -258,13 +357,13 @@ impl Session {
 
     /// Holds the way in which a result came against section 7.
     fn audit_result(&mut self, pending: &Pending, flags: Flags, now: Instant) {
-        if pending.sent == 1 {
-            self.audit.answered(pending.sent_at);
+        if pending.sendings.sent == 1 {
+            self.audit.answered(pending.sendings.last);
         }
         match pending.runs {
             Some(before) => self.audit.progressed(before, now),
             // A lost ACCEPT shows as a missing frame. A replay comes without ACCEPT.
-            None if pending.sent == 1
+            None if pending.sendings.sent == 1
                 && !flags.has(Flags::REPLAYED)
                 && self.link.counters().missing == pending.lost_before =>
             {
@@ -275,8 +374,8 @@ impl Session {
     }
 
     /// Remembers a request that has ended: its result may come again.
-    fn remember(&mut self, id: (u16, u16)) {
-        self.ended.push_back(id);
+    fn remember(&mut self, id: (u16, u16), sendings: Sendings) {
+        self.ended.push_back(Ended { id, sendings });
         if self.ended.len() > KEPT_RESULTS {
             self.ended.pop_front();
         }
@@ -297,15 +396,16 @@ impl Session {
             self.in_doubt = true;
             return self.say_hello(nonce);
         }
+        self.count_answer((request, message), now);
         let wire = self.link.exchange_time(0);
         if self.named((request, message)).is_none() {
             return;
         }
         let Some(pending) = self.take(request, message) else { return };
-        if pending.sent == 1 {
-            self.audit.answered(pending.sent_at);
+        if pending.sendings.sent == 1 {
+            self.audit.answered(pending.sendings.last);
             if pending.runs.is_none() {
-                self.audit.took(&rule::ANSWER_LATE, pending.sent_at, wire, now);
+                self.audit.took(&rule::ANSWER_LATE, pending.sendings.last, wire, now);
             }
         }
         let (what, text) = (pending.what, nak.text.as_str().to_owned());
@@ -340,16 +440,29 @@ impl Session {
         let now = Instant::now();
         let (before_us, now_us) = (self.last_beat_us.replace(beat.board_time_us), beat.board_time_us);
         if let Some(before_us) = before_us.filter(|before_us| now_us < *before_us) {
-            // A clock that goes back is a restart, whatever the boot id says.
-            if beat.boot_id == before || Some(beat.boot_id) == self.beats_as {
-                let case = format!("board time went from {before_us} us to {now_us} us under boot id {before:08x}");
-                self.audit.see(&rule::BOOT_ID_KEPT, Case::Words(case));
+            let known = beat.boot_id == before || Some(beat.boot_id) == self.beats_as;
+            if known && beat.state & SESSION_OPEN != 0 {
+                // After a restart there is no session.
+                let why = format!("from {before_us} us to {now_us} us");
+                let error = self.breaches.refuse(&rule::CLOCK_BACK, "heartbeat", why);
+                self.fail_all(&error);
+            } else {
+                // A clock that goes back is a restart, whatever the boot id says.
+                if known {
+                    let case = format!("board time went from {before_us} us to {now_us} us under boot id {before:08x}");
+                    self.audit.see(&rule::BOOT_ID_KEPT, Case::Words(case));
+                }
+                return self.restarted(before, beat.boot_id);
             }
-            return self.restarted(before, beat.boot_id);
+        }
+        for (id, ahead_us) in self.audit.ahead_of(now_us) {
+            let why = format!("{ahead_us} us, and the heartbeat behind it says {now_us} us");
+            let error = self.breaches.refuse(&rule::STREAM_TIME, id.name(), why);
+            self.end_stream(id, error);
         }
         if beat.boot_id != before && Some(beat.boot_id) != self.beats_as {
             // After a restart the clock begins anew and there is no session. Otherwise the board's HELLO tells.
-            if before_us.is_none() && beat.state & 1 != 0 {
+            if before_us.is_none() && beat.state & SESSION_OPEN != 0 {
                 self.other_boot_id = Some(beat.boot_id);
                 self.say_hello(nonce);
             } else {
@@ -380,7 +493,7 @@ impl Session {
         self.fail_all(&BoardError::Restarted { asked: false, during, before, after });
     }
 
-    fn streamed(&mut self, message: u16, payload: &[u8]) {
+    fn streamed(&mut self, message: u16, payload: &[u8], now: Instant) {
         let frame = match SampleFrame::of(payload) {
             Ok(frame) => frame,
             Err(error) => return self.unreadable(StreamId::from_number(message as u8), error.to_string()),
@@ -389,19 +502,24 @@ impl Session {
             let why = format!("stream {} under message id {message}", frame.head.stream);
             return self.unreadable(StreamId::from_number(frame.head.stream), why);
         };
-        if let Err(Impossible { rule, why }) = possible::frame(id, &frame) {
-            let error = self.breaches.refuse(rule, id.name(), why);
-            return self.end_stream(id, error);
-        }
         if !self.newest.admit(id, &frame.head) {
             self.report.stale += 1;
             return;
         }
         let starts = |pending: &Pending| {
-            pending.message == StreamStart::ID && pending.payload.first() == Some(&(id as u8)) && pending.sent > 0
+            pending.message == StreamStart::ID
+                && pending.payload.first() == Some(&(id as u8))
+                && pending.sendings.sent > 0
         };
         let starting = self.pending.iter().any(starts);
-        self.audit.frame(id, &frame.head, starting);
+        if let Some(why) = self.audit.frame(id, &frame.head, starting, self.link.counters(), now) {
+            let error = self.breaches.refuse(&rule::ACCOUNT, id.name(), why);
+            return self.end_stream(id, error);
+        }
+        if let Err(Impossible { rule, why }) = possible::frame(id, &frame) {
+            let error = self.breaches.refuse(rule, id.name(), why);
+            return self.end_stream(id, error);
+        }
         self.gauges.streamed(id, &frame);
         let Some(sender) = self.sender_of(id) else { return };
         match sender.try_send(Ok(frame)) {

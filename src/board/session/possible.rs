@@ -8,9 +8,9 @@ use std::time::Duration;
 use gnc_protocol::Request;
 use gnc_protocol::calibration::{CalibrationCommitReply, CalibrationReadReply, CalibrationState};
 use gnc_protocol::message::{
-    AdReadReply, CanCountersReply, CanState, DurationReply, ErrorRecordsReply, FlashIdReply, IdentityReply,
-    IoTestReply, MismatchReply, PowerReply, Ram, SpiTransferReply, StreamStart, StreamStartReply, StreamStopReply,
-    TimerMeasure, TimerMeasureReply,
+    AdReadReply, CanCountersReply, CanState, CpuFloatsReply, CpuIntegersReply, CpuWordsReply, DurationReply,
+    ErrorRecordsReply, FlashIdReply, IdentityReply, IoTestReply, MismatchReply, PowerReply, Ram, SpiTransferReply,
+    StreamStart, StreamStartReply, StreamStopReply, TimerMeasure, TimerMeasureReply,
 };
 use gnc_protocol::stream::{COMPENSATED_SAMPLE, Format, IMU_SAMPLE, SATURATION, StreamId};
 use gnc_protocol::wire::Wire;
@@ -37,6 +37,8 @@ const AD_UV: std::ops::RangeInclusive<i32> = -50_000..=6_250_000;
 const ROUNDED_US: u64 = 2_000;
 /// The intervals of a timer fill the time of their request, apart from this much and a fifth of it.
 const AROUND_INTERVALS_US: u64 = 50_000;
+/// A request to a flash may take this much more than ten times its busy time.
+const AROUND_BUSY_US: u64 = 20_000;
 /// A capture of 1PPS and the board time of its frame differ by less than this.
 const CAPTURE_US: u64 = 1_000_000;
 /// Bytes of a capture of 1PPS.
@@ -61,6 +63,11 @@ pub(super) fn check(message: u16, asked: &[u8], body: &[u8], elapsed: Duration) 
         Request::ModulePower(_) => read(body, supply),
         Request::ErrorRecords(_) => read(body, error_records),
         Request::Identity(_) => read(body, identity),
+        Request::CpuWords(asked) => read(body, |reply: &CpuWordsReply| each(asked.words.len(), reply.words.len())),
+        Request::CpuIntegers(asked) => {
+            read(body, |reply: &CpuIntegersReply| each(asked.pairs.len(), reply.results.len()))
+        }
+        Request::CpuFloats(asked) => read(body, |reply: &CpuFloatsReply| each(asked.pairs.len(), reply.results.len())),
         Request::TimerMeasure(asked) => read(body, |reply| timer(&asked, reply, elapsed_us)),
         Request::RamTest(asked) => read(body, |reply| mismatch(reply, words_of(asked.ram))),
         Request::FlashBlankCheck(_) | Request::FlashVerify(_) => read(body, |reply| mismatch(reply, None)),
@@ -93,9 +100,6 @@ pub(super) fn check(message: u16, asked: &[u8], body: &[u8], elapsed: Duration) 
         Request::MakeSafe(_)
         | Request::Abort(_)
         | Request::LinkCounters(_)
-        | Request::CpuWords(_)
-        | Request::CpuIntegers(_)
-        | Request::CpuFloats(_)
         | Request::SciEcho(_)
         | Request::GnssRestart(_)
         | Request::CalibrationWrite(_) => Ok(()),
@@ -104,6 +108,11 @@ pub(super) fn check(message: u16, asked: &[u8], body: &[u8], elapsed: Duration) 
 
 fn read<T: Wire>(body: &[u8], check: impl FnOnce(&T) -> Possible) -> Possible {
     T::from_payload(body).map_or(Ok(()), |reply| check(&reply))
+}
+
+/// An answer for each operand.
+fn each(asked: usize, got: usize) -> Possible {
+    can(got == asked, || format!("{got} results for {asked} operands"))
 }
 
 fn supply(reply: &PowerReply) -> Possible {
@@ -170,8 +179,10 @@ fn mismatch(reply: &MismatchReply, memory: Option<(u32, u32)>) -> Possible {
     can(expected <= largest && got <= largest, || format!("word {expected:#x} or {got:#x} in a memory of 16 bits"))
 }
 
+/// The flash is busy for most of its request, and never longer.
 fn busy(duration_us: u32, elapsed_us: u64) -> Possible {
-    can(u64::from(duration_us) <= elapsed_us + ROUNDED_US, || {
+    let duration = u64::from(duration_us);
+    can(duration <= elapsed_us + ROUNDED_US && elapsed_us <= 10 * duration + AROUND_BUSY_US, || {
         format!("the flash was busy for {duration_us} us of a request that took {elapsed_us} us")
     })
 }
@@ -347,7 +358,9 @@ mod tests {
         };
         assert_eq!(erase(60_000, 60_010), None);
         assert_eq!(erase(60_500, 60_000), None, "rounded");
-        assert_eq!(erase(60_000_000, 60_000), Some(11));
+        assert_eq!(erase(60_000_000, 60_000), Some(11), "nanoseconds");
+        assert_eq!(erase(60, 60_000), Some(11), "milliseconds");
+        assert_eq!(erase(0, 900), None, "a flash that does nothing");
         let id = |sector_bytes| {
             let reply = FlashIdReply { jedec: [0; 3], sector_bytes, scratch_sectors: 4 };
             broken(&FlashId { flash: 0 }, &reply, 1000)
