@@ -216,11 +216,11 @@ fn known_code(record: &Record) -> bool {
 
 /// What came after the second copy of the request that was sent twice.
 fn after_second_copy(record: &Record) -> Vec<&Noted> {
-    let copies = record
+    let mut copies = record
         .sent
         .iter()
         .filter(|noted| noted.frame.header.kind == Kind::Request && noted.frame.header.request == TWICE);
-    let second = copies.last().unwrap().at;
+    let second = copies.next_back().unwrap().at;
     record.answers(TWICE).into_iter().filter(|noted| noted.at > second).collect()
 }
 
