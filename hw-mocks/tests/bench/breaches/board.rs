@@ -308,11 +308,11 @@ const CASES: [Case; 29] = [
     ("produced_off = -3", &BOTH, &["the account adds up"]),
     ("drops_frame_every = 7", &BOTH, &["the account adds up", "no gap but of dropped samples"]),
     (
-        "stream_times_times = 0.001",
+        "stream_time_times = 0.001",
         SERIAL,
         &["a capture is its frame's time", "times on the grid", "times of the board's clock"],
     ),
-    ("stream_times_times = 0.001", CAN, &["times on the grid", "times of the board's clock"]),
+    ("stream_time_times = 0.001", CAN, &["times on the grid", "times of the board's clock"]),
     ("samples_before_result = true", &BOTH, &["RESULT before samples"]),
     ("samples_a_frame = 3", SERIAL, &["samples a frame as told"]),
     ("extra_samples = 5", &BOTH, &["no sample beyond the count"]),

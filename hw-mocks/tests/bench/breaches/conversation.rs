@@ -254,7 +254,7 @@ fn hello_says(record: &Record, right: impl Fn(&BoardHello) -> bool) -> bool {
     hello(record).is_none_or(|(_, hello, _)| right(&hello))
 }
 
-const RULES: [Rule; 26] = [
+const RULES: [Rule; 27] = [
     ("ACCEPT and NAK within 50 ms", answered_in_time),
     ("ACCEPT before RESULT", accepted_before_result),
     ("PROGRESS within 500 ms", progress_in_time),
@@ -283,6 +283,7 @@ const RULES: [Rule; 26] = [
         hello_says(record, |hello| beats.iter().all(|(_, beat)| beat.boot_id == hello.boot_id))
     }),
     ("HELLO ends with its last field", |record| hello(record).is_none_or(|(_, _, left)| left == 0)),
+    ("the version chosen is the highest of both", |record| hello_says(record, |hello| hello.chosen == 1)),
     ("the version chosen is in the range told", |record| {
         hello_says(record, |hello| (hello.lowest..=hello.highest).contains(&hello.chosen))
     }),
@@ -290,7 +291,7 @@ const RULES: [Rule; 26] = [
 
 const SERIAL: &[Link] = &[Link::Serial];
 
-const CASES: [Case; 35] = [
+const CASES: [Case; 36] = [
     ("accept_after_ms = 80", &BOTH, &["ACCEPT and NAK within 50 ms"]),
     ("accept_after_ms = 80\naccept_late_every = 3", &BOTH, &["ACCEPT and NAK within 50 ms"]),
     ("progress_every_ms = 900", &BOTH, &["PROGRESS within 500 ms"]),
@@ -329,6 +330,11 @@ const CASES: [Case; 35] = [
     ("wrong_nonce = true", &BOTH, &["HELLO echoes the nonce"]),
     ("other_boot_id_in_hello = true", &BOTH, &["HELLO and heartbeat tell one boot id"]),
     ("hello_extra_bytes = 1", &BOTH, &["HELLO ends with its last field"]),
+    (
+        "hello_chosen = 2",
+        &BOTH,
+        &["the version chosen is the highest of both", "the version chosen is in the range told"],
+    ),
     ("hello_versions = [2, 1]", &BOTH, &["the version chosen is in the range told"]),
 ];
 

@@ -35,6 +35,7 @@ fn every_mistake_says_what_may_stand_there() {
         "hello_versions = [1]",
         "2:18: \"hello_versions\" has 1 elements, and must be two whole numbers, the lowest and the highest version",
     );
+    board("hello_chosen = 256", "2:16: hello_chosen is 256, and must be 0 to 255");
     board("clock_back_s = 1", "2:1: clock_back_s changes nothing alone [write clock_back_at_s beside it]");
     board("state_bits_set = [8]", "2:19: state_bits_set is 8, and must be 0 to 7");
     board(
