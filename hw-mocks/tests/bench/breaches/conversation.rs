@@ -404,3 +404,39 @@ fn a_board_lacks_what_its_capabilities_lack() {
     assert!(good.can_frames.iter().any(|frame| frame.id() == CanId::Standard(BOARD_EVENTS)));
     assert!(!good.can_frames.iter().any(|frame| frame.id() == CanId::Standard(IMU_GYRO)));
 }
+
+/// The times are those of the keys, to the way on the line.
+#[test]
+fn late_is_as_late_as_the_key_says() {
+    let near = |span: Duration, wanted: u64| span.abs_diff(ms(wanted)) <= 2 * WAY;
+    for link in BOTH {
+        let record = |keys: &str| session(&format!("[board]\n{keys}\n"), link);
+
+        let late = record("accept_after_ms = 80\naccept_late_every = 3");
+        let first = |(at, id, _): (Duration, u16, u16)| late.answers(id).first().map(|noted| noted.at - at);
+        let delays: Vec<Duration> = late.requests().into_iter().filter_map(first).collect();
+        let (third, others): (Vec<Duration>, Vec<Duration>) = delays.iter().partition(|delay| near(**delay, 80));
+        // The second copy of a request that ended gets no ACCEPT, and is not counted.
+        assert!(third.len() == delays.len() / 3 && others.iter().all(|delay| *delay <= WAY), "{link:?}: {delays:?}");
+
+        let slow = record("progress_every_ms = 900");
+        let signs: Vec<Duration> = slow.answers(long(&slow)).iter().map(|noted| noted.at).collect();
+        assert!(near(signs[1] - signs[0], 900) && near(signs[2] - signs[1], 900), "{link:?}: {signs:?}");
+
+        let rare = record("heartbeat_every_ms = 1500");
+        let beats = rare.beats();
+        assert!(beats.windows(2).all(|pair| (pair[1].0 - pair[0].0).abs_diff(ms(1500)) <= WAY), "{link:?}");
+
+        for wanted in [1200, 3000] {
+            let watched = record(&format!("watchdog_ms = {wanted}"));
+            let bite = watched.of(Kind::Event).find(|noted| noted.frame.header.message == event::WATCHDOG).unwrap();
+            assert!(near(bite.at - watched.alive_at, wanted), "{link:?}");
+        }
+
+        let unsafe_for = record("make_safe_after_ms = 400");
+        let (asked, id, _) = *unsafe_for.requests().iter().find(|request| request.2 == MakeSafe::ID).unwrap();
+        let (off, on) = *unsafe_for.power.last().unwrap();
+        let ended = unsafe_for.answers(id).last().unwrap().at;
+        assert!(!on && near(off - asked, 400) && near(ended - asked, 400), "{link:?}");
+    }
+}

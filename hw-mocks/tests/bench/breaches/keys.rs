@@ -2,7 +2,8 @@
 
 use gnc_protocol::frame::Kind;
 use gnc_protocol::message::{
-    BoardHello, Identity, IdentityReply, ModulePower, RamTest, StreamStart, StreamStop, TimerMeasure,
+    BoardHello, Identity, IdentityReply, LinkCounters, LinkCountersReply, ModulePower, RamTest, StreamStart,
+    StreamStop, TimerMeasure,
 };
 use gnc_protocol::wire::Wire;
 
@@ -88,6 +89,28 @@ fn a_board_restarts_when_the_power_comes_on() {
         assert_eq!(host.answers(power).len(), 1, "ACCEPT alone");
         let beats = host.beats();
         assert!(beats[0].1.boot_id != beats.last().unwrap().1.boot_id);
+    }
+}
+
+/// What a board says beside its rules, or keeps to itself, stands in its own count of frames.
+#[test]
+fn a_board_counts_what_it_really_sent() {
+    for link in BOTH {
+        for key in ["", "nak_code = 99", "double_result = true", "no_accept = true", "heartbeat_every_ms = 50"] {
+            let mut host = Record::new(&format!("[board]\n{key}\n"), link);
+            host.run(ms(300));
+            host.hello(7);
+            host.run(ms(100));
+            host.post(&ModulePower { on: 1 });
+            host.run(ms(400));
+            let counters = host.post(&LinkCounters {});
+            host.run(ms(100));
+            let result =
+                |frame: &gnc_protocol::Frame| frame.header.request == counters && frame.header.kind == Kind::Result;
+            let before = host.came.iter().position(|noted| result(&noted.frame)).unwrap();
+            let reply = LinkCountersReply::from_payload(&host.came[before].frame.payload[6..]).unwrap();
+            assert_eq!(reply.sent as usize, before, "{link:?} {key}");
+        }
     }
 }
 
