@@ -470,9 +470,12 @@ impl SlaveBoard for SimulatedBoard {
         self.cut_off_jobs();
         self.outputs.clear();
         self.drop_streams();
+        if self.breaches.state.safe_keeps_power {
+            return;
+        }
         if self.power_off_waits {
             self.power_off_begun = true;
-        } else if !self.breaches.state.safe_keeps_power {
+        } else {
             self.set_power(false);
         }
     }

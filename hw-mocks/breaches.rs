@@ -126,6 +126,8 @@ pub(crate) struct HelloBreaches {
     pub(crate) hello_extra_bytes: u32,
     /// The range of versions that it tells.
     pub(crate) hello_versions: Option<(u8, u8)>,
+    /// The version that it says is in force.
+    pub(crate) hello_chosen: Option<u8>,
     pub(crate) deaf_to_hello: bool,
     /// Without capability bit 0: the module is always under power.
     pub(crate) no_power_switch: bool,

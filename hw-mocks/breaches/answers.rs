@@ -97,6 +97,7 @@ fn hello(breaches: &HelloBreaches, payload: &mut Payload) {
     if let Some(versions) = breaches.hello_versions {
         (hello.lowest, hello.highest) = versions;
     }
+    hello.chosen = breaches.hello_chosen.unwrap_or(hello.chosen);
     replace(payload, &hello);
     for _ in 0..breaches.hello_extra_bytes {
         // A HELLO and the most bytes that a personality may ask for fit into a payload.

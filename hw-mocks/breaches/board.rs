@@ -142,7 +142,7 @@ pub(crate) struct StreamBreaches {
     /// One of so many frames never leaves, and is not counted.
     pub(crate) drops_frame_every: u32,
     /// Factor of the time in frames.
-    pub(crate) times_times: Option<f64>,
+    pub(crate) time_times: Option<f64>,
     /// A stream that was stopped goes on.
     pub(crate) go_on: bool,
     /// The first samples leave before the RESULT.
@@ -158,7 +158,7 @@ impl StreamBreaches {
     /// Numbers and times a frame.
     pub(crate) fn number(&self, frame: &mut StreamFrame) {
         frame.head.first = frame.head.first.wrapping_add(self.numbers_from);
-        if let Some(factor) = self.times_times {
+        if let Some(factor) = self.time_times {
             frame.head.board_time_us = (frame.head.board_time_us as f64 * factor) as u64;
         }
     }

@@ -92,11 +92,12 @@ impl ByteFilter {
         Self { breaches: breaches.clone(), is_clean, counted: 0, debug_due: Duration::ZERO }
     }
 
-    /// A frame as this board puts it onto the wire.
-    pub(crate) fn encode(&mut self, frame: &Frame) -> Vec<u8> {
-        if self.is_clean {
-            return encode(frame).to_vec();
-        }
+    /// Puts a frame onto the wire as this board does.
+    pub(crate) fn write(&mut self, frame: &Frame, wire: impl FnOnce(&[u8])) {
+        if self.is_clean { wire(&encode(frame)) } else { wire(&self.encode(frame)) }
+    }
+
+    fn encode(&mut self, frame: &Frame) -> Vec<u8> {
         self.counted = self.counted.wrapping_add(1);
         let mut bytes = frame.to_bytes();
         if let (Some(breach), Some((content, sum))) = (self.breaches.checksum, bytes.split_last_chunk_mut::<CRC>()) {

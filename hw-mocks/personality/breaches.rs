@@ -44,6 +44,7 @@
 //! other_boot_id_in_hello = true        # than in the heartbeat
 //! hello_extra_bytes = 1                # behind the last field
 //! hello_versions = [2, 1]              # the lowest and the highest that the board tells; it speaks 1
+//! hello_chosen = 2                     # the version that the board says is in force; it speaks 1
 //! deaf_to_hello = true
 //! ## Not breaches but other boards that the document knows: they clear their bit and answer NAK 9.
 //! no_power_switch = true               # the module always has power
@@ -77,7 +78,7 @@
 //! stream_numbers_from = 1
 //! produced_off = -3                    # in the account of StreamStop
 //! drops_frame_every = 10               # stream frames (on CAN samples): it is lost on the board and not counted
-//! stream_times_times = 0.001           # board_time_us of frames
+//! stream_time_times = 0.001            # board_time_us of frames
 //! streams_go_on = true                 # after StreamStop
 //! samples_before_result = true         # of StreamStart
 //! samples_a_frame = 3                  # RS-422: whatever was asked for
@@ -202,6 +203,7 @@ fn hello(table: &TomlTable<'_, '_>) -> HelloBreaches {
         other_boot_id_in_hello: table.flag("other_boot_id_in_hello"),
         hello_extra_bytes: number(table, "hello_extra_bytes", (1, EXTRA_BYTES)).unwrap_or(0),
         hello_versions: table.entry("hello_versions").and_then(versions),
+        hello_chosen: number(table, "hello_chosen", (0, 255)),
         deaf_to_hello: table.flag("deaf_to_hello"),
         no_power_switch: table.flag("no_power_switch"),
         no_can: table.flag("no_can"),
@@ -266,7 +268,7 @@ fn streams(table: &TomlTable<'_, '_>) -> StreamBreaches {
         numbers_from: count(table, "stream_numbers_from"),
         produced_off: number(table, "produced_off", (i32::MIN.into(), i32::MAX.into())).unwrap_or(0),
         drops_frame_every: every(table, "drops_frame_every"),
-        times_times: table.number("stream_times_times", FACTORS),
+        time_times: table.number("stream_time_times", FACTORS),
         go_on: table.flag("streams_go_on"),
         before_result: table.flag("samples_before_result"),
         samples_a_frame: number(table, "samples_a_frame", (1, MAX_IMU_SAMPLES as i64)).unwrap_or(0),

@@ -7,6 +7,7 @@
 mod board;
 mod conversation;
 mod frames;
+mod keys;
 mod record;
 
 use std::collections::BTreeSet;

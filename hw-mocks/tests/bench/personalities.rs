@@ -104,7 +104,7 @@ fn told(text: &str) -> Vec<String> {
 }
 
 #[track_caller]
-fn refused(text: &str, expected: &[&str]) {
+pub(crate) fn refused(text: &str, expected: &[&str]) {
     assert_eq!(told(text), expected, "{text}");
 }
 

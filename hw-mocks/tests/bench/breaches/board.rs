@@ -308,11 +308,11 @@ const CASES: [Case; 29] = [
     ("produced_off = -3", &BOTH, &["the account adds up"]),
     ("drops_frame_every = 7", &BOTH, &["the account adds up", "no gap but of dropped samples"]),
     (
-        "stream_times_times = 0.001",
+        "stream_time_times = 0.001",
         SERIAL,
         &["a capture is its frame's time", "times on the grid", "times of the board's clock"],
     ),
-    ("stream_times_times = 0.001", CAN, &["times on the grid", "times of the board's clock"]),
+    ("stream_time_times = 0.001", CAN, &["times on the grid", "times of the board's clock"]),
     ("samples_before_result = true", &BOTH, &["RESULT before samples"]),
     ("samples_a_frame = 3", SERIAL, &["samples a frame as told"]),
     ("extra_samples = 5", &BOTH, &["no sample beyond the count"]),
@@ -377,24 +377,24 @@ fn restarted(personality: &str, link: Link) -> Record {
 }
 
 /// The heartbeats before the restart and after it.
-fn either_side(record: &Record) -> (Vec<(u32, u64)>, Vec<(u32, u64)>) {
+fn either_side(record: &Record) -> [Vec<(u32, u64)>; 2] {
     let beats = record.beats();
     let (before, after): (Vec<_>, Vec<_>) = beats.iter().partition(|(at, _)| *at < ms(2500));
     let told = |beats: Vec<&(Duration, gnc_protocol::message::Heartbeat)>| {
         beats.iter().map(|(_, beat)| (beat.boot_id, beat.board_time_us)).collect()
     };
-    (told(before.into_iter().collect()), told(after.into_iter().collect()))
+    [told(before.into_iter().collect()), told(after.into_iter().collect())]
 }
 
 const OF_RESTARTS: [Rule; 3] = [
     ("a new boot id", |record| {
-        let (before, after) = either_side(record);
+        let [before, after] = either_side(record);
         before[0].0 != after[0].0
     }),
-    ("board time from the start", |record| either_side(record).1[0].1 < 300_000),
+    ("board time from the start", |record| either_side(record)[1][0].1 < 300_000),
     ("board time never goes back in between", |record| {
         let rises = |beats: &[(u32, u64)]| beats.windows(2).all(|pair| pair[0].1 < pair[1].1);
-        let (before, after) = either_side(record);
+        let [before, after] = either_side(record);
         rises(&before) && rises(&after)
     }),
 ];

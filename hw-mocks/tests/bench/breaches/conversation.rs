@@ -216,11 +216,11 @@ fn known_code(record: &Record) -> bool {
 
 /// What came after the second copy of the request that was sent twice.
 fn after_second_copy(record: &Record) -> Vec<&Noted> {
-    let copies = record
+    let mut copies = record
         .sent
         .iter()
         .filter(|noted| noted.frame.header.kind == Kind::Request && noted.frame.header.request == TWICE);
-    let second = copies.last().unwrap().at;
+    let second = copies.next_back().unwrap().at;
     record.answers(TWICE).into_iter().filter(|noted| noted.at > second).collect()
 }
 
@@ -254,7 +254,7 @@ fn hello_says(record: &Record, right: impl Fn(&BoardHello) -> bool) -> bool {
     hello(record).is_none_or(|(_, hello, _)| right(&hello))
 }
 
-const RULES: [Rule; 26] = [
+const RULES: [Rule; 27] = [
     ("ACCEPT and NAK within 50 ms", answered_in_time),
     ("ACCEPT before RESULT", accepted_before_result),
     ("PROGRESS within 500 ms", progress_in_time),
@@ -283,6 +283,7 @@ const RULES: [Rule; 26] = [
         hello_says(record, |hello| beats.iter().all(|(_, beat)| beat.boot_id == hello.boot_id))
     }),
     ("HELLO ends with its last field", |record| hello(record).is_none_or(|(_, _, left)| left == 0)),
+    ("the version chosen is the highest of both", |record| hello_says(record, |hello| hello.chosen == 1)),
     ("the version chosen is in the range told", |record| {
         hello_says(record, |hello| (hello.lowest..=hello.highest).contains(&hello.chosen))
     }),
@@ -290,7 +291,7 @@ const RULES: [Rule; 26] = [
 
 const SERIAL: &[Link] = &[Link::Serial];
 
-const CASES: [Case; 35] = [
+const CASES: [Case; 36] = [
     ("accept_after_ms = 80", &BOTH, &["ACCEPT and NAK within 50 ms"]),
     ("accept_after_ms = 80\naccept_late_every = 3", &BOTH, &["ACCEPT and NAK within 50 ms"]),
     ("progress_every_ms = 900", &BOTH, &["PROGRESS within 500 ms"]),
@@ -329,6 +330,11 @@ const CASES: [Case; 35] = [
     ("wrong_nonce = true", &BOTH, &["HELLO echoes the nonce"]),
     ("other_boot_id_in_hello = true", &BOTH, &["HELLO and heartbeat tell one boot id"]),
     ("hello_extra_bytes = 1", &BOTH, &["HELLO ends with its last field"]),
+    (
+        "hello_chosen = 2",
+        &BOTH,
+        &["the version chosen is the highest of both", "the version chosen is in the range told"],
+    ),
     ("hello_versions = [2, 1]", &BOTH, &["the version chosen is in the range told"]),
 ];
 
@@ -397,4 +403,40 @@ fn a_board_lacks_what_its_capabilities_lack() {
     good.run(ms(1000));
     assert!(good.can_frames.iter().any(|frame| frame.id() == CanId::Standard(BOARD_EVENTS)));
     assert!(!good.can_frames.iter().any(|frame| frame.id() == CanId::Standard(IMU_GYRO)));
+}
+
+/// The times are those of the keys, to the way on the line.
+#[test]
+fn late_is_as_late_as_the_key_says() {
+    let near = |span: Duration, wanted: u64| span.abs_diff(ms(wanted)) <= 2 * WAY;
+    for link in BOTH {
+        let record = |keys: &str| session(&format!("[board]\n{keys}\n"), link);
+
+        let late = record("accept_after_ms = 80\naccept_late_every = 3");
+        let first = |(at, id, _): (Duration, u16, u16)| late.answers(id).first().map(|noted| noted.at - at);
+        let delays: Vec<Duration> = late.requests().into_iter().filter_map(first).collect();
+        let (third, others): (Vec<Duration>, Vec<Duration>) = delays.iter().partition(|delay| near(**delay, 80));
+        // The second copy of a request that ended gets no ACCEPT, and is not counted.
+        assert!(third.len() == delays.len() / 3 && others.iter().all(|delay| *delay <= WAY), "{link:?}: {delays:?}");
+
+        let slow = record("progress_every_ms = 900");
+        let signs: Vec<Duration> = slow.answers(long(&slow)).iter().map(|noted| noted.at).collect();
+        assert!(near(signs[1] - signs[0], 900) && near(signs[2] - signs[1], 900), "{link:?}: {signs:?}");
+
+        let rare = record("heartbeat_every_ms = 1500");
+        let beats = rare.beats();
+        assert!(beats.windows(2).all(|pair| (pair[1].0 - pair[0].0).abs_diff(ms(1500)) <= WAY), "{link:?}");
+
+        for wanted in [1200, 3000] {
+            let watched = record(&format!("watchdog_ms = {wanted}"));
+            let bite = watched.of(Kind::Event).find(|noted| noted.frame.header.message == event::WATCHDOG).unwrap();
+            assert!(near(bite.at - watched.alive_at, wanted), "{link:?}");
+        }
+
+        let unsafe_for = record("make_safe_after_ms = 400");
+        let (asked, id, _) = *unsafe_for.requests().iter().find(|request| request.2 == MakeSafe::ID).unwrap();
+        let (off, on) = *unsafe_for.power.last().unwrap();
+        let ended = unsafe_for.answers(id).last().unwrap().at;
+        assert!(!on && near(off - asked, 400) && near(ended - asked, 400), "{link:?}");
+    }
 }

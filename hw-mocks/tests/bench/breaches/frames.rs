@@ -1,12 +1,9 @@
 //! Bytes and frames on the wire.
 
-use std::collections::BTreeSet;
-
 use gnc_protocol::can::id::{BOARD_EVENTS, IMU_ACCEL, IMU_GYRO, IMU_MAG};
 use gnc_protocol::can::{CanFrame, CanId};
 use gnc_protocol::frame::Kind;
 use gnc_protocol::message::{Identity, ModulePower, StreamStart};
-use hw_mocks::Personality;
 
 use super::record::{BOTH, Link, Record, ms};
 use super::{Case, Rule, check};
@@ -187,41 +184,4 @@ fn a_text_between_frames_spoils_no_frame() {
     let good = session("", Link::Serial);
     assert_eq!(host.came.len(), good.came.len());
     assert_eq!(good.broken, 0);
-}
-
-/// Every mistake has its place, and says what may stand there.
-#[test]
-fn mistakes_in_breaches_are_told() {
-    let told = |keys: &str| -> Vec<String> {
-        let mistakes = Personality::from_toml("mine", &format!("[board]\n{keys}\n")).unwrap_err();
-        mistakes.iter().map(|mistake| mistake.to_string()).collect()
-    };
-    let texts: Vec<String> = [
-        "accept_after_ms = 20",
-        "accept_late_every = 3",
-        "progress_every_ms = 300",
-        "watchdog_ms = -1",
-        "answers_nobody = \"nak\"",
-        "header_version = 16",
-        "sequence_stands_every = 1",
-        "stream_request_id = 0",
-        "progress_permille = 1000",
-        "result_status = 3",
-        "nak_code = 10",
-        "hello_versions = [1]",
-        "clock_back_s = 1",
-        "state_bits_set = [8]",
-        "state_bits_set = [1]\nstate_bits_cleared = [1]",
-        "ad_channels = \"random\"",
-        "repeats = { samples = 200, of = 200 }",
-        "checksum = \"crc16\"",
-        "debug_text = \"x\"",
-        "no_acept = true",
-    ]
-    .into_iter()
-    .flat_map(told)
-    .collect();
-    let places: BTreeSet<&str> = texts.iter().map(String::as_str).collect();
-    println!("{places:#?}");
-    assert_eq!(texts.len(), 20, "{texts:#?}");
 }
