@@ -1,142 +1,134 @@
-//! Boards that break one rule of the interface document each.
+//! Boards that break one rule of the interface document each, with good and bad modules, over RS-422 and over CAN. No breach
+//! fails a good module or passes a bad one, and the record names what it sees with the section.
 
 use std::time::Duration;
 
-use gnc_tests::campaign::{Case, Disturbance, Link, Over, run, violations};
+use gnc_executive::event::NoteLevel;
+use gnc_executive::outcome::Outcome;
+use gnc_tests::campaign::{
+    BREACHES, Breach, Case, Disturbance, Link, Over, Ran, Verdict, looks_like_a_bad_sensor, run,
+};
 
-const KEYS: &[&str] = &[
-    "accept_after_ms = 80.0",
-    "accept_after_ms = 200.0",
-    "accept_after_ms = 600.0\naccept_late_every = 3",
-    "hello_after_ms = 80.0",
-    "hello_after_ms = 3000.0",
-    "progress_every_ms = 900.0",
-    "progress_every_ms = 0.0",
-    "heartbeat_every_ms = 1500.0",
-    "heartbeat_every_ms = 300.0",
-    "heartbeat_every_ms = 0.0",
-    "lost_first_heartbeats = 2",
-    "watchdog_ms = 300.0",
-    "watchdog_ms = 800.0",
-    "watchdog_ms = 0.0",
-    "make_safe_after_ms = 400.0",
-    "no_accept = true",
-    "answers_nobody = \"result\"",
-    "answers_nobody = \"accept\"",
-    "swaps_request_ids = true",
-    "wrong_message_id = true",
-    "header_version = 2",
-    "sequence_stands_every = 20",
-    "sequence_stands_every = 1",
-    "sequence_back_every = 20",
-    "stream_request_id = 7",
-    "double_result = true",
-    "elapsed_us_times = 100.0",
-    "elapsed_us_times = 0.001",
-    "progress_permille = 1100",
-    "progress_after_result = true",
-    "result_status = 77",
-    "result_status = 77\nresult_status_every = 5",
-    "nak_code = 99",
-    "replay_runs_again = true",
-    "replay_without_flag = true",
-    "wrong_nonce = true",
-    "other_boot_id_in_hello = true",
-    "hello_extra_bytes = 1",
-    "hello_versions = [2, 1]",
-    "hello_versions = [2, 3]",
-    "deaf_to_hello = true",
-    "no_power_switch = true",
-    "no_can = true",
-    "no_calibration = true",
-    "clock_back_at_s = 5.0\nclock_back_s = 2.0",
-    "state_bits_set = [1]",
-    "state_bits_cleared = [0]",
-    "state_bits_cleared = [1]",
-    "state_bits_cleared = [2, 3]",
-    "safe_keeps_power = true",
-    "powers_off_after_s = 0.3",
-    "powers_off_after_s = 3.0",
-    "over_current_at_power_on = true",
-    "supply_uv_times = 1000.0",
-    "supply_uv_times = 0.001",
-    "supply_ua_times = 1000.0",
-    "supply_ua_times = 0.001",
-    "timer_intervals_times = 0.1",
-    "timer_intervals_times = 0.001",
-    "flash_durations_times = 1000.0",
-    "flash_durations_times = 0.001",
-    "pps_times = 0.001",
-    "pps_times = 1000.0",
-    "imu_shift_bits = 8",
-    "ad_channels = \"falling\"",
-    "ad_channels = \"from-zero\"",
-    "extra_words = 1",
-    "stream_numbers_from = 1",
-    "produced_off = -3",
-    "produced_off = 3",
-    "drops_frame_every = 10",
-    "stream_times_times = 0.001",
-    "stream_times_times = 1000.0",
-    "streams_go_on = true",
-    "samples_before_result = true",
-    "samples_a_frame = 3",
-    "extra_samples = 5",
-    "repeats = { samples = 50, of = 200 }",
-    "checksum = \"big-endian\"",
-    "checksum = \"crc32\"",
-    "checksum = \"not-inverted\"",
-    "debug_text = \"adc ok\\r\\n\"\ndebug_every_ms = 200.0",
-    "stray_zero_every = 20",
-    "no_leading_delimiter = true",
-    "padding_bytes = 3",
-    "heartbeat_halved = true",
-    "can_order = \"samples\"",
-    "can_order = \"messages\"",
-    "serial = \"B\\u00001\"",
-];
+fn case(board: &'static str, link: Link, keys: &str) -> Case {
+    Case {
+        seed: 7,
+        number: 0,
+        board,
+        link,
+        faults: format!("[board]\n{keys}\n"),
+        kinds: vec!["breach"],
+        breach: "",
+        disturbance: Disturbance::None,
+        moment: (1, Duration::ZERO),
+    }
+}
+
+fn sections(ran: &Ran) -> Vec<u8> {
+    let record = ran.record.as_ref().expect("a record");
+    record.board_breaches.iter().map(|breach| breach.section).collect()
+}
+
+/// What a run says, for the message of a test that fails.
+fn told(ran: &Ran) -> String {
+    let Some(record) = &ran.record else { return format!("{:?}", ran.problems) };
+    let items = record.items.iter().filter(|item| !item.outcome.is_good() && item.outcome != Outcome::NotRun);
+    let items = items.map(|item| format!("{} {}: {}", item.name, item.outcome, gnc_executive::text::reason(item)));
+    let notes =
+        record.notes.iter().filter(|note| note.level > NoteLevel::Info).map(|note| format!("note: {}", note.text));
+    let breaches = gnc_executive::text::breach_lines(record);
+    items.chain(notes).chain(breaches).map(|line| format!("  {line}\n")).collect()
+}
+
+/// Items that a run failed.
+fn failed(ran: &Ran) -> Vec<&str> {
+    let items = ran.record.iter().flat_map(|record| &record.items);
+    items.filter(|item| item.outcome == Outcome::Failed).map(|item| item.name.as_str()).collect()
+}
+
+/// Runs a breach with a good module; returns what is wrong.
+fn good_module((keys, rs422, can): &Breach, link: Link) -> Option<String> {
+    let (verdict, expected) = if link == Link::Can { can } else { rs422 };
+    if looks_like_a_bad_sensor(keys, link) {
+        return None;
+    }
+    let ran = run(&case("good", link, keys), Over::Memory, None);
+    let named = sections(&ran);
+    let missing: Vec<&u8> = expected.iter().filter(|section| !named.contains(section)).collect();
+    let outcome = match ran.outcome {
+        Some(outcome) if outcome.is_good() => Some(Verdict::Passed),
+        Some(Outcome::Errored) => Some(Verdict::Errored),
+        _ => None,
+    };
+    // Nothing is said of a board where a run passes without a breach that it can see.
+    let untrue = expected.is_empty() && *verdict == Verdict::Passed && !named.is_empty();
+    let wrong = outcome != Some(*verdict) || !missing.is_empty() || untrue || !failed(&ran).is_empty();
+    wrong.then(|| {
+        format!("{link:?} {}: {:?}, missing {missing:?}\n{}", keys.replace('\n', " "), ran.outcome, told(&ran))
+    })
+}
+
+/// Runs a breach with a module that fails one item; returns what is wrong.
+fn bad_module((board, item): (&'static str, &str), (keys, ..): &Breach, link: Link) -> Option<String> {
+    let ran = run(&case(board, link, keys), Over::Memory, None);
+    let passed = ran.outcome.is_none_or(|outcome| outcome.is_good());
+    let others = failed(&ran).iter().any(|failed| *failed != item) && !looks_like_a_bad_sensor(keys, link);
+    (passed || others)
+        .then(|| format!("{board} {link:?} {}: {:?}\n{}", keys.replace('\n', " "), ran.outcome, told(&ran)))
+}
+
+fn all_hold(wrong: Vec<String>) {
+    assert!(wrong.is_empty(), "{} wrong:\n\n{}", wrong.len(), wrong.join("\n"));
+}
 
 #[test]
-fn explore() {
-    let only = std::env::var("ONLY").unwrap_or_default();
-    let board = std::env::var("BOARD").unwrap_or_else(|_| "good".into());
-    let board: &'static str = board.leak();
-    let work: Vec<(Link, &str)> = [Link::Rs422, Link::Can]
-        .into_iter()
-        .flat_map(|link| KEYS.iter().map(move |key| (link, *key)))
-        .filter(|(_, key)| key.contains(&only))
-        .collect();
-    for (link, key) in work {
-        let extra = if key.starts_with("serial") { format!("[board]\n{key}\n") } else { format!("[board]\n{key}\n") };
-        let case = Case {
-            seed: 7,
-            number: 0,
-            board,
-            link,
-            faults: extra,
-            kinds: vec!["breach"],
-            disturbance: Disturbance::None,
-            moment: (1, Duration::ZERO),
-        };
-        let ran = run(&case, Over::Memory, None);
-        println!(
-            "=== {link:?} {} -> {:?} took {:?}",
-            key.replace('\n', " "),
-            ran.outcome.map(|o| o.to_string()),
-            ran.took
-        );
-        for violation in violations(&case, &ran) {
-            println!("   VIOLATION {violation}");
+fn a_good_module_is_never_failed_and_the_breach_is_named_on_rs422() {
+    all_hold(BREACHES.iter().filter_map(|breach| good_module(breach, Link::Rs422)).collect());
+}
+
+#[test]
+fn a_good_module_is_never_failed_and_the_breach_is_named_on_can() {
+    all_hold(BREACHES.iter().filter_map(|breach| good_module(breach, Link::Can)).collect());
+}
+
+/// Each breach with one of the modules on one of the links; with `GNC_LONG` set, with both on both.
+#[test]
+fn a_bad_module_is_never_passed() {
+    let long = std::env::var_os("GNC_LONG").is_some();
+    let (rs422, can) = (Link::Rs422, Link::Can);
+    let (gyro, sdram) = (("gyro-stuck", "imu"), ("sdram-data-line-stuck", "sdram"));
+    let all = [(gyro, rs422), (sdram, can), (gyro, can), (sdram, rs422)];
+    let mut wrong = Vec::new();
+    for (number, breach) in BREACHES.iter().enumerate() {
+        let some = if long { &all[..] } else { &all[number % all.len()..][..1] };
+        wrong.extend(some.iter().filter_map(|(module, link)| bad_module(*module, breach, *link)));
+    }
+    all_hold(wrong);
+}
+
+/// A module with a short is failed, on whatever board that gets so far.
+#[test]
+fn a_short_is_failed_at_power_on() {
+    for keys in ["over_current_at_power_on = true", "[reboot]\non = \"power\"\nafter_ms = 5.0"] {
+        for link in [Link::Rs422, Link::Can] {
+            let ran = run(&case("good", link, keys), Over::Memory, None);
+            assert_eq!(ran.outcome, Some(Outcome::Failed), "{keys}: {}", told(&ran));
         }
-        let Some(record) = &ran.record else { continue };
-        for breach in &record.board_breaches {
-            println!("   §{} {} x{} {:?}", breach.section, breach.what, breach.count, breach.worst);
-        }
-        for item in record.items.iter().filter(|item| !item.outcome.is_good()) {
-            println!("   item {} {}: {}", item.name, item.outcome, gnc_executive::text::reason(item));
-        }
-        for note in record.notes.iter().filter(|note| note.level > gnc_executive::event::NoteLevel::Info) {
-            println!("   note {}", note.text);
-        }
+    }
+    let shorted = "over_current_at_power_on = true\n";
+    let mut failed = 0;
+    for (keys, ..) in BREACHES {
+        let ran = run(&case("good", Link::Rs422, &format!("{shorted}{keys}")), Over::Memory, None);
+        assert!(ran.outcome.is_some_and(|outcome| !outcome.is_good()), "{keys}: {}", told(&ran));
+        failed += u32::from(ran.outcome == Some(Outcome::Failed));
+    }
+    assert!(failed * 4 > BREACHES.len() as u32 * 3, "only {failed} shorts were failed");
+}
+
+/// A board without a key breaks nothing.
+#[test]
+fn nothing_is_said_of_a_board_that_keeps_the_document() {
+    for link in [Link::Rs422, Link::Can] {
+        let ran = run(&case("good", link, ""), Over::Memory, None);
+        assert_eq!((ran.outcome, sections(&ran)), (Some(Outcome::Passed), Vec::new()), "{}", told(&ran));
     }
 }

@@ -3,6 +3,7 @@
 //!
 //! Station and simulated bench run in this program; [`Over`] says where they meet.
 
+mod breach;
 mod case;
 mod judge;
 mod memory;
@@ -14,6 +15,7 @@ mod table;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
+pub use breach::{BREACHES, Breach, Verdict, looks_like_a_bad_sensor};
 pub use case::{Case, Disturbance, Link};
 pub use judge::violations;
 pub use run::{Kept, LONGEST, Over, Ran, differs, run};

@@ -57,6 +57,7 @@ fn calm(board: &'static str, faults: &str) -> Case {
         link: Link::Rs422,
         faults: faults.to_owned(),
         kinds: if faults.is_empty() { Vec::new() } else { vec!["lost_frames_per_million"] },
+        breach: "",
         disturbance: Disturbance::None,
         moment: (1, Duration::ZERO),
     }

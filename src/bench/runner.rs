@@ -28,11 +28,12 @@ use gnc_executive::state::RunState;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_protocol::message::ErrorRecord;
+use gnc_protocol::stream::StreamId;
 use gnc_records::resume::Resumed;
 use gnc_records::store::StoreError;
 use gnc_text::with_causes;
 use tokio::sync::watch;
-use tokio::time::Instant;
+use tokio::time::{Instant, timeout};
 
 use crate::control::{Asked, RunControl};
 use crate::fixture::Fixture;
@@ -47,6 +48,9 @@ use verdict::judge;
 /// Items that run at once. A board takes four requests at once. One of them is left for a second request of an item, or
 /// for reading error records.
 const AT_ONCE: usize = 3;
+
+/// Longest wait for the heartbeat after a failed attempt.
+const HEARTBEAT_WITHIN: Duration = Duration::from_millis(1250);
 
 /// An order for a run.
 #[derive(Debug)]
@@ -183,6 +187,9 @@ struct Landed {
     attempt: u32,
     end: End,
     requests: Vec<u16>,
+    /// The streams that it listened to, and the number of refused values before.
+    streams: Vec<StreamId>,
+    refusals: u64,
     busy: Duration,
 }
 
@@ -390,13 +397,27 @@ impl Run<'_> {
                 self.file_error_records(board, &landed).await?;
                 let Some(item) = self.job().item(landed.position) else { return Ok(()) };
                 let (mut outcome, mut error) = self.judged(&landed, item, done.as_ref().err());
-                if outcome == Outcome::Failed && self.lost_power(board).await {
-                    // What the module did without power says nothing of it.
-                    (outcome, error) = self.judged(&landed, item, Some(&BoardError::PowerLost.into()));
+                if outcome == Outcome::Failed
+                    && let Some(doubt) = self.doubt(board, &landed).await
+                {
+                    (outcome, error) = self.judged(&landed, item, Some(&doubt.into()));
                 }
                 self.end_attempt(&landed, outcome, error).await
             }
         }
+    }
+
+    /// Why a failed attempt says nothing of the module: it lost its power, or the times of its samples do not fit the
+    /// board's clock, which the next heartbeat shows.
+    async fn doubt(&self, board: &BoardClient, landed: &Landed) -> Option<BoardError> {
+        if self.lost_power(board).await {
+            return Some(BoardError::PowerLost);
+        }
+        if landed.streams.is_empty() {
+            return None;
+        }
+        let _ = timeout(HEARTBEAT_WITHIN, board.board_time().changed()).await;
+        board.broken_stream(landed.refusals, &landed.streams)
     }
 
     /// Judges an attempt that has ended by what the journal has of it.

@@ -7,6 +7,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use gnc_protocol::stream::StreamId;
 use tokio::sync::mpsc;
 
 use crate::BoardError;
@@ -90,7 +91,7 @@ pub mod rule {
     /// HELLO that comes seconds late.
     pub const HELLO_VERY_LATE: Rule = Rule::note(6, "the board answers HELLO seconds late");
     /// A range of versions that does not hold the chosen one.
-    pub const VERSION_RANGE: Rule = Rule::note(6, "the board chooses a version outside the range that it names");
+    pub const VERSION_RANGE: Rule = Rule::note(6, "the board chooses a version outside the ranges");
     /// Two boot ids of one start.
     pub const TWO_BOOT_IDS: Rule =
         Rule::note(6, "HELLO and heartbeat carry different boot ids, and the board did not restart");
@@ -117,7 +118,8 @@ pub mod rule {
     /// MAKE_SAFE that ends late.
     pub const SAFE_LATE: Rule = Rule::note(9, "MAKE_SAFE takes longer than 250 ms");
     /// Heartbeats that come seldom.
-    pub const HEARTBEAT_LATE: Rule = Rule::time(9, "more than 1000 ms pass between two heartbeats");
+    pub const HEARTBEAT_LATE: Rule =
+        Rule { needed: 2, ..Rule::time(9, "more than 1000 ms pass between two heartbeats") };
     /// Heartbeats that come often.
     pub const HEARTBEAT_EARLY: Rule = Rule::time(9, "less than 1000 ms pass between two heartbeats");
     /// A heartbeat that cannot be read.
@@ -145,12 +147,14 @@ pub mod rule {
     /// More samples than were asked for.
     pub const STREAM_LONG: Rule = Rule::note(10, "a stream goes on beyond the count that was asked for");
     /// Samples of a time that has not come.
-    pub const STREAM_TIME: Rule = Rule::value(10, "samples carry a board time that the board's clock has not reached");
+    pub const STREAM_TIME: Rule = Rule::value(10, "samples carry a board time that does not fit the board's clock");
     /// A frame of a stream that cannot be read.
     pub const STREAM_LAYOUT: Rule = Rule::value(10, "a frame of a stream has another layout");
     /// An account that does not close.
     pub const ACCOUNT: Rule =
         Rule::value(10, "the account of a stream does not close: produced = received + dropped + lost");
+    /// Samples that repeat without capability bit 3.
+    pub const REPEATS: Rule = Rule::value(10, "samples repeat on all channels, and HELLO does not say so (bit 3)");
     /// A code beyond the converters.
     pub const CODE: Rule = Rule::value(10, "a sample holds a code beyond 24 bits");
     /// A capture of 1PPS at a time that cannot be.
@@ -192,8 +196,18 @@ pub struct Breaches(Arc<Mutex<Seen>>);
 #[derive(Debug)]
 struct Seen {
     breaches: Vec<Counted>,
+    /// Requests and streams whose values were refused, each with its newest error. There are as many as names.
+    touched: Vec<Touched>,
+    refusals: u64,
     /// Hands each breach on when the board is first called for it.
     news: mpsc::Sender<Breach>,
+}
+
+#[derive(Debug)]
+struct Touched {
+    of: &'static str,
+    refusal: u64,
+    error: BoardError,
 }
 
 #[derive(Debug)]
@@ -210,7 +224,7 @@ pub(crate) const NEWS: usize = 64;
 
 impl Breaches {
     pub(crate) fn new(news: mpsc::Sender<Breach>) -> Self {
-        Self(Arc::new(Mutex::new(Seen { breaches: Vec::new(), news })))
+        Self(Arc::new(Mutex::new(Seen { breaches: Vec::new(), touched: Vec::new(), refusals: 0, news })))
     }
 
     fn lock(&self) -> MutexGuard<'_, Seen> {
@@ -228,7 +242,7 @@ impl Breaches {
     }
 
     fn keep(&self, rule: &'static Rule, case: Case, gross: bool) {
-        let Seen { breaches, news } = &mut *self.lock();
+        let Seen { breaches, news, .. } = &mut *self.lock();
         let index = breaches.iter().position(|seen| seen.breach.rule == rule).unwrap_or_else(|| {
             breaches.push(Counted { breach: Breach { rule, count: 0, worst: None }, span: None, told: false });
             breaches.len() - 1
@@ -252,7 +266,28 @@ impl Breaches {
     #[must_use]
     pub(crate) fn refuse(&self, rule: &'static Rule, of: &'static str, why: String) -> BoardError {
         self.see(rule, Case::Words(format!("{of}: {why}")));
-        BoardError::Breach { rule, of, why }
+        let error = BoardError::Breach { rule, of, why };
+        let Seen { touched, refusals, .. } = &mut *self.lock();
+        *refusals += 1;
+        touched.retain(|touched| touched.of != of);
+        touched.push(Touched { of, refusal: *refusals, error: error.clone() });
+        error
+    }
+
+    /// The number of refusals so far.
+    pub(crate) fn refusals(&self) -> u64 {
+        self.lock().refusals
+    }
+
+    /// The newest refusal of one of these streams after a number of refusals.
+    pub(crate) fn touched_since(&self, refusals: u64, streams: &[StreamId]) -> Option<BoardError> {
+        let is_one = |touched: &&Touched| streams.iter().any(|stream| stream.name() == touched.of);
+        let seen = self.lock();
+        seen.touched
+            .iter()
+            .filter(is_one)
+            .find(|touched| touched.refusal > refusals)
+            .map(|touched| touched.error.clone())
     }
 
     /// The breaches that the board is called for.

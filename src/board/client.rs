@@ -5,6 +5,7 @@ use std::cell::{Cell, RefCell};
 use gnc_link::Link;
 use gnc_link::can::Tap;
 use gnc_protocol::message::BoardHello;
+use gnc_protocol::stream::StreamId;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
@@ -105,6 +106,12 @@ impl BoardClient {
     #[must_use]
     pub fn breaches(&self) -> Vec<Breach> {
         self.breaches.all()
+    }
+
+    /// The newest breach that touches the values of one of these streams, after a number of refused values.
+    #[must_use]
+    pub fn broken_stream(&self, refusals: u64, streams: &[StreamId]) -> Option<BoardError> {
+        self.breaches.touched_since(refusals, streams)
     }
 
     /// Keeps a breach that only the user of the board can see.

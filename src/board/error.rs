@@ -62,6 +62,8 @@ pub enum BoardError {
         damaged: u32,
         /// Times that HELLO was sent.
         asked: u32,
+        /// Whether the link is a CAN bus.
+        on_can: bool,
     },
     /// No frame came for too long, not even a heartbeat.
     #[error("the board fell silent: nothing heard for {} ms", silent.as_millis())]
@@ -269,6 +271,10 @@ impl BoardError {
             Self::Gone { .. } => {
                 "plug the adapter in and start again: `gnc-station ports` lists serial ports; `sudo ip link set NAME up type \
                  can bitrate 500000` switches a CAN interface on"
+            }
+            Self::Garbled { on_can: true, .. } => {
+                "are all nodes set to 500 kbit/s? If so, compare the order and the checksum of the board's frames with the \
+                 interface document, section 17"
             }
             Self::Garbled { .. } => "are both ends set to the same rate? RS-422: are A and B of a pair swapped?",
             Self::Away { .. } | Self::Interrupted { .. } => {

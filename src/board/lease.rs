@@ -23,6 +23,9 @@ pub struct BoardLease<'a> {
     advance: watch::Sender<Advance>,
     requests: RefCell<Vec<u16>>,
     streams: RefCell<Vec<StreamId>>,
+    /// All streams that were listened to, and the refusals of values before.
+    heard: RefCell<Vec<StreamId>>,
+    refusals: u64,
     busy: Cell<Duration>,
 }
 
@@ -31,7 +34,8 @@ impl<'a> BoardLease<'a> {
     #[must_use]
     pub fn new(board: &'a BoardClient, advance: watch::Sender<Advance>) -> Self {
         let (requests, streams) = (RefCell::new(Vec::new()), RefCell::new(Vec::new()));
-        Self { board, advance, requests, streams, busy: Cell::new(Duration::ZERO) }
+        let refusals = board.breaches.refusals();
+        Self { board, advance, requests, streams, heard: RefCell::default(), refusals, busy: Cell::new(Duration::ZERO) }
     }
 
     /// Asks and waits for the result.
@@ -66,6 +70,19 @@ impl<'a> BoardLease<'a> {
         self.board.hello().capabilities & gnc_protocol::message::capability::POWER != 0
     }
 
+    /// Why the samples that were listened to cannot be trusted, if the board broke a rule that touches them. A listener that
+    /// had ended, or was behind, has not heard of it.
+    #[must_use]
+    pub fn broken_stream(&self) -> Option<BoardError> {
+        self.board.broken_stream(self.refusals, &self.heard.borrow())
+    }
+
+    /// All streams that were listened to, and the number of values that were refused before.
+    #[must_use]
+    pub fn listened(&self) -> (Vec<StreamId>, u64) {
+        (self.heard.borrow().clone(), self.refusals)
+    }
+
     /// The error of an answer that cannot be, by what other answers say; the run's record names it.
     #[must_use]
     pub fn impossible(&self, of: &'static str, why: String) -> BoardError {
@@ -85,6 +102,7 @@ impl<'a> BoardLease<'a> {
     pub async fn listen(&self, stream: StreamId) -> Result<Stream, BoardError> {
         let (sender, frames) = mpsc::channel(WAITING + AHEAD);
         self.streams.borrow_mut().push(stream);
+        self.heard.borrow_mut().push(stream);
         self.board.send(SessionCommand::Listen { stream, sender }).await?;
         Ok(Stream::new(stream, frames, self.board.board_time()))
     }

@@ -198,6 +198,8 @@ pub(super) struct Session {
     last_beat_us: Option<u64>,
     /// The last requests that ended: their results may come again.
     ended: VecDeque<Ended>,
+    /// Whether each sample is a reading of its own, by the board's capabilities.
+    one_reading_each: bool,
     /// When HELLO was sent again because its first answer was late, and how many answers were late in a row.
     hello_asked: Option<Instant>,
     hello_late: u32,
@@ -256,6 +258,7 @@ impl Session {
             beats_as: None,
             last_beat_us: None,
             ended: VecDeque::new(),
+            one_reading_each: true,
             hello_asked: None,
             hello_late: 0,
             in_doubt: false,
@@ -447,7 +450,7 @@ impl Session {
             let breach = self.breaches.instead_of_an_answer();
             let error = match frames {
                 // One damaged frame may be the rest of a frame: the port may have opened in the middle of it.
-                0 if damaged > 1 && breach.is_none() => BoardError::Garbled { damaged, asked },
+                0 if damaged > 1 && breach.is_none() => BoardError::Garbled { damaged, asked, on_can: self.on_can() },
                 _ => BoardError::NoAnswer { what: "HELLO", asked, waited, heard: self.heard_instead(None, now) },
             };
             if let Some(greeting) = self.greeting.take() {

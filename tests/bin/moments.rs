@@ -63,7 +63,7 @@ fn main() -> ExitCode {
 fn calm(seed: u64, number: u64, disturbance: Disturbance) -> Case {
     let drawn = Case::drawn(seed, number);
     let link = if number % 4 == 3 { Link::Can } else { Link::Rs422 };
-    Case { board: "good", link, faults: String::new(), kinds: Vec::new(), disturbance, ..drawn }
+    Case { board: "good", link, faults: String::new(), kinds: Vec::new(), breach: "", disturbance, ..drawn }
 }
 
 fn ms(span: Duration) -> f64 {

@@ -7,6 +7,7 @@ use hw_mocks::boards;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
+use super::breach::{BREACHES, looks_like_a_bad_sensor};
 use super::run::Over;
 
 /// Approximate number of events in a run of the functional plan. A disturbance comes at one of them.
@@ -98,6 +99,8 @@ pub struct Case {
     pub faults: String,
     /// Names of those faults.
     pub kinds: Vec<&'static str>,
+    /// The rule of the interface document that the board breaks, as keys of `[board]`; empty if it breaks none.
+    pub breach: &'static str,
     /// The disturbance during the run.
     pub disturbance: Disturbance,
     /// The number of events before it, and its delay after the last of them.
@@ -120,7 +123,14 @@ impl Case {
         let disturbance = drawn_disturbance(&mut dice);
         let later_us = u64::from(dice.random_range(0..LATER_US));
         let moment = (u64::from(dice.random_range(1..EVENTS)), Duration::from_micros(later_us));
-        Self { seed, number, board, link, faults, kinds, disturbance, moment }
+        // Drawn last, so that a seed draws all else as it did before there were breaches.
+        let breach = if text.contains("[board]") { "" } else { drawn_breach(link, &mut dice) };
+        Self { seed, number, board, link, faults, kinds, breach, disturbance, moment }
+    }
+
+    /// Whether nothing but the module itself decides the verdict.
+    pub(super) fn is_calm(&self) -> bool {
+        self.kinds.is_empty() && self.breach.is_empty() && self.disturbance == Disturbance::None
     }
 
     /// The seed of bench and line.
@@ -134,7 +144,8 @@ impl Case {
     #[must_use]
     pub fn text(&self) -> String {
         let text = boards().iter().find(|(name, _)| *name == self.board).map_or("", |(_, text)| text);
-        format!("{text}\n{}", self.faults)
+        let breach = if self.breach.is_empty() { String::new() } else { format!("[board]\n{}\n", self.breach) };
+        format!("{text}\n{}{breach}", self.faults)
     }
 
     /// The command that repeats the run.
@@ -177,6 +188,15 @@ fn drawn_faults(link: Link, dice: &mut ChaCha8Rng) -> (String, Vec<&'static str>
         }
     }
     if kinds.is_empty() { Default::default() } else { (text, kinds) }
+}
+
+/// A rule that the board breaks, in one of five runs.
+fn drawn_breach(link: Link, dice: &mut ChaCha8Rng) -> &'static str {
+    if !dice.random_bool(0.2) {
+        return "";
+    }
+    let (keys, ..) = BREACHES[dice.random_range(0..BREACHES.len())];
+    if looks_like_a_bad_sensor(keys, link) { "" } else { keys }
 }
 
 fn drawn_disturbance(dice: &mut ChaCha8Rng) -> Disturbance {

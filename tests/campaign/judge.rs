@@ -6,6 +6,7 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemRecord, RunRecord};
 use hw_mocks::{Expectation, LineTruth, Personality, Toll};
 
+use super::breach::is_unsafe;
 use super::case::{Case, Disturbance, Link};
 use super::run::Ran;
 
@@ -71,7 +72,7 @@ fn verdicts(case: &Case, record: &RunRecord, expected: &Expectation, found: &mut
     if record.outcome == Outcome::Failed && expected.outcome != "failed" {
         found.push("a good module failed".to_owned());
     }
-    if case.kinds.is_empty() && case.disturbance == Disturbance::None && reached {
+    if case.is_calm() && reached {
         let good = |outcome: Outcome| outcome.is_good() && expected.outcome == "passed";
         if record.outcome.to_string() != expected.outcome && !good(record.outcome) {
             found.push(format!("{} instead of {} on a clean line", record.outcome, expected.outcome));
@@ -93,6 +94,9 @@ fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
     }
     if record.stop.is_some() && !matches!(case.disturbance, Disturbance::Stop { .. }) {
         found.push("the run stopped without a request to stop".to_owned());
+    }
+    if is_unsafe(case.breach) {
+        return;
     }
     if ran.off_after.is_none() {
         found.push("the module is still on".to_owned());
@@ -131,6 +135,10 @@ impl Booked {
 
 /// Checks that the station reports exactly the losses that the line made, each where it happened.
 fn losses(case: &Case, ran: &Ran, record: &RunRecord) -> Option<String> {
+    if !case.breach.is_empty() {
+        // Frames that the board does not number, or damages itself, are no losses of the line.
+        return None;
+    }
     let booked = Booked::read(record);
     let LineTruth { to_host, to_board, can_to_host, can_to_board } = ran.line;
     let deaf = matches!(case.disturbance, Disturbance::Unplug { .. } | Disturbance::Suspend(_));
@@ -157,6 +165,7 @@ pub(super) fn counted_losses(case: &Case, ran: &Ran) -> Option<(u64, u64)> {
     // Frames that overtake or come back shift the numbers. Late frames may not have come at the end. A restart or a
     // stop discards the frames on their way.
     let exact = case.link == Link::Rs422
+        && case.breach.is_empty()
         && to_host.frames > 0
         && (case.kinds.iter().all(spoils) || to_host.spoilt + to_board.others == 0)
         && !case.kinds.contains(&"overtaken_frames_per_million")

@@ -85,12 +85,14 @@ fn names(judged: &Judged) -> Vec<String> {
         [one] => one.trim_end_matches("_per_million").replace('_', " "),
         _ => "several faults".to_owned(),
     };
+    let board = if case.breach.is_empty() { "keeps the interface document" } else { "breaks one rule of it" };
     let module = if is_good(judged) { "good" } else { "bad" };
     vec![
         "all".to_owned(),
         format!("module: {module}"),
         format!("link: {:?}", case.link).to_lowercase(),
         format!("line: {line}"),
+        format!("board: {board}"),
         format!("people: {disturbance}"),
     ]
 }
@@ -112,7 +114,7 @@ fn yields(all: &[Judged]) -> String {
         let these: Vec<&RunRecord> = all
             .iter()
             .filter(|judged| is_good(judged) && judged.ran.since_disturbed.is_none())
-            .filter(|judged| judged.case.kinds.is_empty() == clean)
+            .filter(|judged| judged.case.breach.is_empty() && judged.case.kinds.is_empty() == clean)
             .filter_map(|judged| judged.ran.record.as_ref())
             .collect();
         let passed = these.iter().filter(|record| record.outcome.is_good());

@@ -41,6 +41,10 @@ impl Run<'_> {
             () = self.control.given_up(&item.name) => End::GivenUp,
             done = self.procedure((&lease, &guide), board, item, attempt, &recorder, earlier) => End::Done(done),
         };
+        let end = match (end, lease.broken_stream()) {
+            (End::Done(Ok(())), Some(broken)) => End::Done(Err(broken.into())),
+            (end, _) => end,
+        };
         let uses = |resource| item.id.spec().resources.contains(&resource);
         if uses(Resource::Attitude) && !matches!(end, End::Done(Ok(()))) {
             // Stop the table before anything else: a person may have hands on it.
@@ -64,7 +68,8 @@ impl Run<'_> {
         }
         self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
         let (requests, busy) = (lease.requests(), lease.busy());
-        Landed { position, attempt, end, requests, busy }
+        let (streams, refusals) = lease.listened();
+        Landed { position, attempt, end, requests, streams, refusals, busy }
     }
 
     async fn procedure(

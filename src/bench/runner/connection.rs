@@ -279,7 +279,10 @@ impl Run<'_> {
         // A board that answers late or not at all makes the station ask again; the line is not to blame then.
         let board = report.breaches.iter().any(|breach| ASKED_AGAIN.contains(&breach.rule.section));
         let resent = if board { 0 } else { report.resent };
-        if damaged + received.missing + resent + report.stale + report.echoed > 0 {
+        // A clock that goes back makes frames look late.
+        let back = report.breaches.iter().any(|breach| breach.rule == &rule::CLOCK_BACK);
+        let stale = if back { 0 } else { report.stale };
+        if damaged + received.missing + resent + stale + report.echoed > 0 {
             let (missing, echo) = match report.echoed {
                 0 => (received.missing.to_string(), String::new()),
                 echoed => (

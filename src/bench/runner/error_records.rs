@@ -1,6 +1,6 @@
 //! Error records: what the board itself noted about a fault.
 
-use gnc_board::{BoardClient, BoardError, BoardLease};
+use gnc_board::{BoardClient, BoardLease};
 use gnc_executive::event::{ErrorRecord as RecordEvent, EventKind, NoteLevel};
 use gnc_protocol::message::{ErrorKind, ErrorRecord, ErrorRecords};
 use gnc_records::store::StoreError;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use gnc_protocol::frame::checksum;
-use gnc_protocol::message::{Heartbeat, StreamStart, StreamStartReply, StreamStopReply};
+use gnc_protocol::message::{Abort, Call as _, Heartbeat, MakeSafe, StreamStart, StreamStartReply, StreamStopReply};
 use gnc_protocol::serial::LineCounters;
 use gnc_protocol::stream::{StreamHead, StreamId};
 use gnc_protocol::{Frame, Header, Kind, PROTOCOL_VERSION, timing};
@@ -25,8 +25,17 @@ const GROSS: u32 = 4;
 const NO_BEAT: Duration = Duration::from_millis(2500);
 /// Samples may come for this long after the RESULT of StreamStop: on CAN they have the lowest priority.
 const BEHIND_STOP: Duration = Duration::from_millis(500);
+/// Samples wait for less than a second, so most of a board's time since its start lies before them once it runs for this
+/// long.
+const BEHIND_FROM_US: u64 = 2_000_000;
+const BEHIND_TIMES: u64 = 10;
 /// Board time of samples may be ahead of a heartbeat by this much.
 const AHEAD_US: u64 = 1_000_000;
+/// Share of samples that may equal the one before by chance, where noise is smaller than the steps of CAN; share from
+/// which on a sensor is dead; and samples after which the shares mean something.
+const REPEATED_PERCENT: u32 = 5;
+const DEAD_PERCENT: u32 = 90;
+const REPEATS_FROM: u32 = 200;
 /// A heartbeat may be early or late by this much: what the adapter adds, and half of a frame that is in its way.
 const BEAT_OFF: Duration = Duration::from_millis(250);
 /// PROGRESS may be late by this much.
@@ -44,8 +53,8 @@ const POWERED: u8 = 1 << 1;
 pub(super) struct Audit {
     breaches: Breaches,
     asked: VecDeque<u16>,
-    /// The sequence numbers of the last frames with the checksums of those frames.
-    numbers: VecDeque<(u16, u32)>,
+    /// The sequence numbers of the last frames with the checksums of those frames. On CAN each channel counts by itself.
+    numbers: [VecDeque<(u16, u32)>; 2],
     /// Whether the newest frame came a second time.
     doubled: bool,
     /// The last heartbeat, or the beginning of the session.
@@ -85,6 +94,10 @@ struct StreamRun {
     stopped: Option<Instant>,
     /// The newest board time of its samples.
     newest_us: u64,
+    /// The last sample, the number of samples, and of those that repeat the one before on all channels.
+    last_sample: Box<[u8]>,
+    samples: u32,
+    repeated: u32,
 }
 
 impl Audit {
@@ -92,7 +105,7 @@ impl Audit {
         Self {
             breaches,
             asked: VecDeque::new(),
-            numbers: VecDeque::with_capacity(NUMBERED),
+            numbers: [VecDeque::new(), VecDeque::new()],
             doubled: false,
             beat: None,
             beat_missed: false,
@@ -132,9 +145,7 @@ impl Audit {
     /// Looks at a frame's header. `false`: the frame is of another version and must be dropped.
     pub(super) fn header(&mut self, frame: &Frame) -> bool {
         let header = &frame.header;
-        if self.numbered {
-            self.number(frame);
-        }
+        self.number(frame);
         let Header { version, kind, request, .. } = *header;
         match kind {
             Kind::Hello if version != 0 => self.see(&rule::HELLO_VERSION, Case::Words(format!("version {version}"))),
@@ -157,27 +168,35 @@ impl Audit {
     /// A number that comes again with the same frame was doubled on the line. With another frame, the board does not count.
     fn number(&mut self, frame: &Frame) {
         let Header { kind, request, message, sequence, .. } = frame.header;
+        self.doubled = false;
+        if !self.numbered && matches!(kind, Kind::Event | Kind::Stream) {
+            return;
+        }
+        let urgent = kind == Kind::Hello || message == MakeSafe::ID || message == Abort::ID;
+        let numbers = &mut self.numbers[usize::from(!self.numbered && urgent)];
         let of_header = u32::from(request) << 16 | u32::from(message);
         let sum = checksum(&frame.payload) ^ of_header.rotate_left(kind as u32);
         if kind == Kind::Hello {
-            self.numbers.clear();
+            numbers.clear();
         }
-        let again = self.numbers.iter().find(|(number, _)| *number == sequence).map(|(_, before)| *before != sum);
-        let far = self.numbers.back().is_some_and(|(last, _)| {
+        let again = numbers.iter().find(|(number, _)| *number == sequence).map(|(_, before)| *before != sum);
+        let far = numbers.back().is_some_and(|(last, _)| {
             let back = last.wrapping_sub(sequence);
             usize::from(back) >= NUMBERED && back < 0x8000
         });
         self.doubled = again == Some(false);
+        if self.doubled {
+            return;
+        }
+        if numbers.len() == NUMBERED {
+            numbers.pop_front();
+        }
+        numbers.push_back((sequence, sum));
         match again {
-            Some(true) => self.see(&rule::SEQUENCE, Case::Words(format!("{sequence} comes again with another frame"))),
-            Some(false) => return,
+            Some(_) => self.see(&rule::SEQUENCE, Case::Words(format!("{sequence} comes again with another frame"))),
             None if far => self.see(&rule::SEQUENCE, Case::Words(format!("it goes back to {sequence}"))),
             None => {}
         }
-        if self.numbers.len() == NUMBERED {
-            self.numbers.pop_front();
-        }
-        self.numbers.push_back((sequence, sum));
     }
 
     /// Whether the newest frame is one that the line doubled.
@@ -188,7 +207,7 @@ impl Audit {
     /// The board restarted, or a new session begins: numbers and times begin anew.
     pub(super) fn begins_anew(&mut self) {
         (self.beat, self.powered, self.opened, self.heard_us) = (None, None, None, None);
-        self.numbers.clear();
+        self.numbers.iter_mut().for_each(VecDeque::clear);
         self.beat_missed = false;
         self.runs.clear();
     }
@@ -261,6 +280,9 @@ impl Audit {
             last_frame: None,
             stopped: None,
             newest_us: 0,
+            last_sample: Box::default(),
+            samples: 0,
+            repeated: 0,
         });
     }
 
@@ -317,6 +339,22 @@ impl Audit {
         })
     }
 
+    /// Counts the samples that repeat the one before on all channels. A sensor that is dead repeats all of them; a board that
+    /// hands readings on twice repeats some, and says so by its capability. Returns what it does, if it does not say so.
+    pub(super) fn repeats(&mut self, id: StreamId, sample_bytes: usize, samples: &[u8]) -> Option<String> {
+        let run = self.runs.iter_mut().find(|run| run.id == id)?;
+        for sample in samples.chunks_exact(sample_bytes) {
+            run.samples += 1;
+            run.repeated += u32::from(*sample == *run.last_sample);
+            if *sample != *run.last_sample {
+                run.last_sample = sample.into();
+            }
+        }
+        let StreamRun { samples, repeated, .. } = *run;
+        let some = REPEATED_PERCENT * samples < 100 * repeated && 100 * repeated < DEAD_PERCENT * samples;
+        (samples >= REPEATS_FROM && some).then(|| format!("{repeated} of {samples} samples repeat the one before"))
+    }
+
     /// The board has stopped a stream. Returns why its account cannot be, if it cannot.
     pub(super) fn stopped(
         &mut self,
@@ -331,6 +369,11 @@ impl Audit {
             run.stopped = Some(now);
         }
         let (end, dropped_before) = (run.end, run.dropped);
+        let (count, long) = (run.count, run.count > 0 && produced > run.count && end <= run.count);
+        if long {
+            self.see(&rule::STREAM_LONG, Case::Words(format!("{}: {produced} of {count}", id.name())));
+        }
+        let run = self.runs.iter_mut().find(|run| run.id == id)?;
         if produced < end {
             return Some(format!("{} came up to sample {end}, of {produced} produced", id.name()));
         }
@@ -347,6 +390,11 @@ impl Audit {
             ));
         }
         None
+    }
+
+    /// Whether samples are far behind the board's clock, whatever they waited for: their times are in another unit.
+    pub(super) fn is_far_behind(sample_us: u64, beat_us: u64) -> bool {
+        beat_us >= BEHIND_FROM_US && sample_us.saturating_mul(BEHIND_TIMES) < beat_us
     }
 
     /// Streams whose samples are of a time that the board's clock has not reached, and that time in microseconds.

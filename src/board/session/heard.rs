@@ -6,13 +6,13 @@ use gnc_protocol::message::{
     StreamStartReply, StreamStop, StreamStopReply, capability, event,
 };
 use gnc_protocol::slave::KEPT_RESULTS;
-use gnc_protocol::stream::StreamId;
+use gnc_protocol::stream::{IMU_SAMPLE, StreamId};
 use gnc_protocol::wire::{FieldReader, Text, Wire as _, WireError};
 use gnc_protocol::{FaultCode, Flags, Frame, Header, Kind, NakCode, PROTOCOL_VERSION, Payload, timing};
 use tokio::sync::mpsc;
 use tokio::time::{Duration, Instant};
 
-use super::audit::SESSION_OPEN;
+use super::audit::{Audit, SESSION_OPEN};
 use super::possible::{self, Impossible};
 use super::{Answer, Ended, HELLO_BYTES, HELLO_FOR, Pending, Sendings, Session};
 use crate::breach::{Case, rule};
@@ -130,6 +130,12 @@ impl Session {
             }
             return;
         };
+        if !matches!(hello.chosen, 0 | PROTOCOL_VERSION) {
+            let why = format!("version {} of {PROTOCOL_VERSION} to {PROTOCOL_VERSION}", hello.chosen);
+            let error = self.breaches.refuse(&rule::VERSION_RANGE, "HELLO", why);
+            let _ = greeting.answer.send(Err(error));
+            return;
+        }
         if hello.chosen != PROTOCOL_VERSION {
             let error = BoardError::Version { lowest: hello.lowest, highest: hello.highest };
             let _ = greeting.answer.send(Err(error));
@@ -152,6 +158,7 @@ impl Session {
             let case = format!("version {} of {} to {}", hello.chosen, hello.lowest, hello.highest);
             self.audit.see(&rule::VERSION_RANGE, Case::Words(case));
         }
+        self.one_reading_each = hello.capabilities & capability::REPEATED_READINGS == 0;
         self.audit.session_opened(now, hello.capabilities & capability::POWER != 0);
         self.last_beat_us = None;
         self.beat = Instant::now();
@@ -502,6 +509,13 @@ impl Session {
             let why = format!("stream {} under message id {message}", frame.head.stream);
             return self.unreadable(StreamId::from_number(frame.head.stream), why);
         };
+        if let Some(beat_us) =
+            self.last_beat_us.filter(|beat_us| Audit::is_far_behind(frame.head.board_time_us, *beat_us))
+        {
+            let why = format!("{} us, and the heartbeat before it says {beat_us} us", frame.head.board_time_us);
+            let error = self.breaches.refuse(&rule::STREAM_TIME, id.name(), why);
+            return self.end_stream(id, error);
+        }
         if !self.newest.admit(id, &frame.head) {
             self.report.stale += 1;
             return;
@@ -514,6 +528,13 @@ impl Session {
         let starting = self.pending.iter().any(starts);
         if let Some(why) = self.audit.frame(id, &frame.head, starting, self.link.counters(), now) {
             let error = self.breaches.refuse(&rule::ACCOUNT, id.name(), why);
+            return self.end_stream(id, error);
+        }
+        if self.one_reading_each
+            && id == StreamId::Imu
+            && let Some(why) = self.audit.repeats(id, IMU_SAMPLE, &frame.samples)
+        {
+            let error = self.breaches.refuse(&rule::REPEATS, id.name(), why);
             return self.end_stream(id, error);
         }
         if let Err(Impossible { rule, why }) = possible::frame(id, &frame) {
