@@ -24,6 +24,7 @@ use crate::board::{BoardPort, SimulatedBoard};
 use crate::can::{CanBus, HeardFrame};
 use crate::line::ByteLine;
 use crate::noise::{Dice, RandomStream};
+use crate::operator::{SWITCHES, SimulatedOperator};
 use crate::personality::Personality;
 use crate::turntable::SimulatedTable;
 use crate::wire_faults::FaultyWire;
@@ -117,6 +118,7 @@ pub struct SimulatedBench {
     pub(crate) can_held: bool,
     board: SimulatedBoard,
     table: SimulatedTable,
+    operator: SimulatedOperator,
     decoder: FrameDecoder,
     incoming: ByteLine,
     outgoing: ByteLine,
@@ -150,7 +152,8 @@ impl SimulatedBench {
             Speed::Max => (None, None),
         };
         let wire = options.personality.model.wire;
-        Self {
+        let operator = options.personality.model.operator;
+        let mut bench = Self {
             slave: Slave::default(),
             can_slave: Slave::default(),
             session_on: BoardPort::Serial,
@@ -158,6 +161,7 @@ impl SimulatedBench {
             can: CanBus::new(can_pace, wire.can_lose_every, options.personality.model.can_wire, options.seed),
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
             table: SimulatedTable::new(options.personality.model.turntable, options.seed),
+            operator: SimulatedOperator::new(operator),
             decoder: FrameDecoder::default(),
             incoming: ByteLine::new(pace),
             outgoing: ByteLine::new(pace),
@@ -169,7 +173,11 @@ impl SimulatedBench {
             pace,
             speed: options.speed,
             held: Duration::ZERO,
+        };
+        for (number, on) in (1..=SWITCHES).zip(operator.switches_on) {
+            bench.set_switch(number, on);
         }
+        bench
     }
 
     /// How many bytes [`SimulatedBench::receive`] takes now; other bytes stay in the host's port.

@@ -258,7 +258,7 @@ impl<'a> World<'a> {
         self.bench.pass_time(now);
         let done = match question.ask {
             Ask::Switches(on) => {
-                (1..=5).for_each(|number| self.bench.set_switch(number, Some(number) == on));
+                self.bench.only_switch(on);
                 true
             }
             Ask::Heading { deg } => {
