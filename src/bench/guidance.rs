@@ -315,7 +315,7 @@ mod tests {
                 MotionStep::Lay(orientation),
                 MotionStep::Settle { span_s: 10.0 },
                 MotionStep::Capture { about: still, span_s: 60.0, uses: Uses::Inertial },
-                MotionStep::Turn { about: about("z-", turn), rest_s: 1.0, uses: Uses::Gyro },
+                MotionStep::Turn { about: about("z-", turn), ramp_s: 0.5, rest_s: 1.0, uses: Uses::Gyro },
             ],
         }
     }

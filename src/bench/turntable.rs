@@ -19,9 +19,9 @@ use driven::Driven;
 pub(crate) trait Turntable {
     /// Lays the module down.
     fn lay(&self, orientation: Orientation) -> TurntableMotion<'_>;
-    /// Turns the module about the table's axis by an angle in a time, right-handed about the module's axis that was
-    /// laid along it.
-    fn rotate(&self, angle_deg: f64, span_s: f64) -> TurntableMotion<'_>;
+    /// Turns the module about the table's axis by an angle in a time with ramps of `ramp_s` at both ends, right-handed about
+    /// the module's axis that was laid along it. A driven table has ramps of its own.
+    fn rotate(&self, angle_deg: f64, span_s: f64, ramp_s: f64) -> TurntableMotion<'_>;
     /// Begins to spin about the table's axis and returns when the rate is reached.
     fn spin(&self, rate_dps: f64) -> TurntableMotion<'_>;
     /// Brings everything that moves to rest.
@@ -70,8 +70,8 @@ impl Turntable for ByHand<'_> {
         self.ask(Ask::Lay(orientation))
     }
 
-    fn rotate(&self, angle_deg: f64, span_s: f64) -> TurntableMotion<'_> {
-        self.ask(Ask::Turn { orientation: self.orientation.get(), angle_deg, span_s })
+    fn rotate(&self, angle_deg: f64, span_s: f64, ramp_s: f64) -> TurntableMotion<'_> {
+        self.ask(Ask::Turn { orientation: self.orientation.get(), angle_deg, span_s, ramp_s })
     }
 
     fn spin(&self, rate_dps: f64) -> TurntableMotion<'_> {

@@ -257,7 +257,7 @@ impl<'a> World<'a> {
     fn answer(&mut self, question: OperatorQuestion, now: Duration) {
         self.bench.pass_time(now);
         let done = match question.ask {
-            Ask::Switches(on) => {
+            Ask::Switches(on) | Ask::SwitchesAgain { on, .. } => {
                 self.bench.only_switch(on);
                 true
             }

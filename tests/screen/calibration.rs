@@ -117,16 +117,16 @@ fn a_module_is_laid_down_by_hand() {
     terminal.wait_for("by-hand 1");
     terminal.types(b"T-1\r");
     terminal.types(F5);
-    terminal.wait_for("Lay the module down: +X up, +Y to 0° clockwise from north.");
+    terminal.wait_for("Lay the module with +X up and +Y to 0 degrees, clockwise from");
     let drawn = terminal.text().chars().filter(|cell| ('\u{2801}'..='\u{28ff}').contains(cell)).count();
     assert!(drawn > 30, "no module is drawn:\n{}", terminal.text());
     terminal.types(b"\r");
-    terminal.wait_for("-X up, +Y to 0°");
+    terminal.wait_for("Lay the module with -X up");
     terminal.wait_for("Esc Not possible");
     terminal.types(ESC);
     terminal.wait_until("the end", |screen| {
         let text = screen.contents();
-        text.contains("the operator could not lay the module with -X up") && !text.contains("F8 Stop")
+        text.contains("the operator could not do this: Lay the module with -X up") && !text.contains("F8 Stop")
     });
     terminal.types(F10);
     let (status, restored) = terminal.end();

@@ -189,6 +189,51 @@ fn only_what_is_used_may_not_saturate() {
     assert_eq!(look(Uses::Magnetometer, &sample, 9), Err((5, Spoilt::Saturated { channel: "mag_x".into() })));
 }
 
+/// Samples of a turn about -Z whose rate rises evenly to a peak, and of a sensor that ends at `end_dps`.
+fn rising(rate_hz: f64, to_dps: f64, span_s: f64, end_dps: f64) -> Vec<ImuSample> {
+    let steps = (span_s * rate_hz) as usize;
+    let rows = (0..steps + 40).map(|row| {
+        let rate_dps = to_dps * (row as f64 / steps as f64).min(1.0);
+        // 20,000 counts for 1 deg/s (interface document); a sensor at its end gives the end of the converter.
+        let code = if rate_dps >= end_dps { -SATURATION - 1 } else { -(rate_dps * 20_000.0) as i32 };
+        let gyro = [0, 0, code.max(-SATURATION - 1)];
+        ImuSample { gyro, accel: [0, 0, 160_000], ..ImuSample::default() }
+    });
+    rows.collect()
+}
+
+/// A table that peaks at 432 deg/s passes 400 deg/s on its way to the saturation at 419.43 deg/s. A sensor that ends at
+/// less jumps to the saturation from there, whatever the table does.
+#[test]
+fn a_table_that_is_too_fast_is_told_from_a_sensor_that_ends_too_early() {
+    for (rate_hz, span_s) in [(1000.0, 2.5), (1000.0, 0.3), (200.0, 2.5), (200.0, 0.5)] {
+        let look = |end_dps| {
+            let spoilt = Watch::new(Uses::Gyro, false, rate_hz as u16).look(&rising(rate_hz, 432.0, span_s, end_dps));
+            spoilt.expect_err("saturated").1
+        };
+        let Spoilt::TooFast { channel, last_dps, rise_dps } = look(419.43) else { panic!("{:?}", look(419.43)) };
+        let step_dps = 432.0 / span_s / rate_hz;
+        assert_eq!(channel, "gyro_z");
+        assert!(last_dps < -419.43 + step_dps + 0.1 && (rise_dps + step_dps).abs() < 0.01, "{last_dps} {rise_dps}");
+        for end_dps in [200.0, 300.0, 380.0] {
+            assert_eq!(look(end_dps), Spoilt::Saturated { channel: "gyro_z".into() }, "{end_dps} {rate_hz} {span_s}");
+        }
+    }
+}
+
+/// A failed read in the rise changes nothing, and a reading that jumps to the end from rest is the sensor's fault.
+#[test]
+fn a_rise_is_seen_past_a_failed_read() {
+    let mut samples = rising(1000.0, 432.0, 2.5, 419.43);
+    let last = samples.iter().position(|sample| sample.gyro[2] < -SATURATION).expect("saturated");
+    samples[last - 3].gyro[2] = 0;
+    let spoilt = Watch::new(Uses::Gyro, false, 1000).look(&samples).expect_err("saturated").1;
+    assert!(matches!(spoilt, Spoilt::TooFast { .. }), "{spoilt:?}");
+    let jump: Vec<ImuSample> = still(100).into_iter().chain(samples[last..].to_vec()).collect();
+    let spoilt = Watch::new(Uses::Gyro, false, 1000).look(&jump).expect_err("saturated").1;
+    assert_eq!(spoilt, Spoilt::Saturated { channel: "gyro_z".into() });
+}
+
 /// One read in 50 gives 0 in place of 1 g: a finding of the data gate, not a motion.
 #[test]
 fn failed_reads_are_no_motion() {

@@ -131,10 +131,10 @@ impl ProgramCapture<'_> {
                 let wanted = (span_s * f64::from(about.rate_hz)).round().max(1.0) as u32;
                 self.capture(about, *uses, Until::Count(wanted)).await
             }
-            MotionStep::Turn { about, rest_s, uses } => {
+            MotionStep::Turn { about, ramp_s, rest_s, uses } => {
                 let rest = |span_s: f64| (span_s * f64::from(about.rate_hz)).ceil() as usize;
                 let (before, after) = (rest(REST_BEFORE_S), rest(*rest_s));
-                self.capture(about, *uses, Until::Turned { before, after }).await
+                self.capture(about, *uses, Until::Turned { ramp_s: *ramp_s, before, after }).await
             }
             MotionStep::PowerCycle { off_s } => power_cycle(self.bench, self.recorder, self.table, *off_s).await,
             MotionStep::Receiver { about, timeout_s, span_s } => {
@@ -220,14 +220,14 @@ impl ProgramCapture<'_> {
     ) -> Result<(), ProcedureError> {
         let rate_hz = buffer.about.rate_hz;
         let table = self.table;
-        let (before, after) = match until {
+        let (ramp_s, before, after) = match until {
             Until::Count(count) => {
                 while buffer.samples.len() < count as usize {
                     self.frame(buffer, stream, count).await?;
                 }
                 return Ok(());
             }
-            Until::Turned { before, after } => (before, after),
+            Until::Turned { ramp_s, before, after } => (ramp_s, before, after),
         };
         let Pose::Rotating { axis, angle_deg, span_s, .. } = buffer.about.pose else { return Ok(()) };
         while buffer.samples.len() < before {
@@ -237,7 +237,7 @@ impl ProgramCapture<'_> {
         // The samples come later than the motion, so they show when it is over; but they do not show it before the
         // table does.
         let longest = ((span_s * LONGEST_TURN + SLACK_S) * f64::from(rate_hz)) as usize;
-        let turn = table.rotate(angle_deg, span_s);
+        let turn = table.rotate(angle_deg, span_s, ramp_s);
         tokio::pin!(turn);
         self.moving = true;
         let mut done_at = None;
@@ -351,8 +351,8 @@ pub(super) async fn power_cycle(
 enum Until {
     /// So many samples.
     Count(u32),
-    /// So many samples of stillness, a turn, and so many again.
-    Turned { before: usize, after: usize },
+    /// So many samples of stillness, a turn with ramps of this time, and so many samples again.
+    Turned { ramp_s: f64, before: usize, after: usize },
 }
 
 /// The samples of the current capture so far.
