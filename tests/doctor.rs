@@ -1,5 +1,7 @@
 //! `gnc-station doctor` asks a board in another process, and leaves it alone while another program uses the port.
 
+#![expect(clippy::expect_used, clippy::panic, reason = "a test says what it expected")]
+
 use std::process::{Command, Stdio};
 
 use gnc_tests::{Board, Place, Run, functional_plan};

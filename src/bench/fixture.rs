@@ -12,7 +12,7 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 use tokio::sync::{Mutex, oneshot};
 
 use crate::recorder::Recorder;
-pub use ask::{Ask, SwitchReading, about_axis, turn_rates};
+pub use ask::{Ask, SwitchReading, TakenOver, about_axis, turn_rates};
 
 /// Bound on the lines typed ahead that are kept. More lines mean that a key is held down.
 const TYPED_AHEAD: usize = 16;

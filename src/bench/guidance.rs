@@ -277,6 +277,11 @@ impl<'a> Course<'a> {
         self.hand_on(false);
     }
 
+    /// Passes over steps that take so long, since their captures exist already.
+    pub(crate) fn passes_over(&mut self, span_s: f64) {
+        self.now.done_s += span_s;
+    }
+
     /// All steps are over.
     pub(crate) fn works_out(&mut self) {
         self.now.stage = Stage::WorkingOut;

@@ -368,10 +368,55 @@ fn a_program_goes_on_where_it_broke_off() {
     assert_eq!(left(&six, &["x+", "x-", "y+", "y-", "z+", "z-"]).last().unwrap(), "take z-");
     let turns = of(ItemId::Rotation, "");
     let rest = left(&turns, &["x+ rotation", "x- rotation", "y+ rotation"]);
-    assert_eq!(rest[2..], ["lay +Y", "take y+ rotation", "y- rotation", "lay +Z", "z+ rotation", "z- rotation"]);
+    assert_eq!(rest[2..], ["take y+ rotation", "lay +Y", "y- rotation", "lay +Z", "z+ rotation", "z- rotation"]);
     let runs = of(ItemId::BiasRepeatability, "runs = 3");
     assert_eq!(left(&runs, &["run 1"]), ["take run 1", "lay +Z", "cycle", "run 2", "cycle", "run 3"]);
     let whole = of(ItemId::ScaleFactorRepeatability, "calibrations = 2, sensors = [\"accel\"]");
     let rest = left(&whole, &["calibration 1 x+", "calibration 1 x-"]);
     assert_eq!(rest[..3], ["cycle", "lay +X", "calibration 1 x+"], "a power-on belongs to one series");
+    let first: Vec<String> = ["x+", "x-", "y+", "y-", "z+", "z-"].map(|label| format!("calibration 1 {label}")).into();
+    let first: Vec<&str> = first.iter().map(String::as_str).chain(["calibration 2 x+"]).collect();
+    assert_eq!(left(&whole, &first)[6..9], ["cycle", "lay +X", "calibration 2 x+"], "nobody lays it as it lay last");
+}
+
+/// By hand: no spin, stop or pause is asked for whose capture exists.
+#[test]
+fn motions_that_were_captured_are_left_out() {
+    let left = |program: &MotionProgram, labels: &[&str]| -> Vec<String> {
+        let actions = program.after(|about| labels.contains(&about.label.as_str()));
+        let word = |action: &ResumeAction| match (action, action.step()) {
+            (ResumeAction::Take(step), _) => format!("take {}", step.about().unwrap().label),
+            (_, MotionStep::Lay(_)) => "lay".to_owned(),
+            (_, MotionStep::Settle { .. }) => "settle".to_owned(),
+            (_, MotionStep::Spin { rate_dps }) => format!("spin {rate_dps:+.0}"),
+            (_, MotionStep::Stop) => "stop".to_owned(),
+            (_, step) => step.about().unwrap().label.clone(),
+        };
+        actions.iter().map(word).collect()
+    };
+    let spins =
+        of(ItemId::MagnetometerEllipse, "spin = \"3600 deg/s\", slow_spin = \"36 deg/s\", senses = [\"+\", \"-\"]");
+    let all = left(&spins, &[]);
+    assert_eq!(all[..5], ["lay", "spin +3600", "settle", "spin +", "stop"], "nothing is there");
+    assert_eq!(
+        left(&spins, &["spin +", "spin -", "slow spin +"]),
+        ["take spin +", "take spin -", "take slow spin +", "lay", "spin -36", "settle", "slow spin -", "stop"]
+    );
+    // The third one is damaged: the table spins for it alone.
+    assert_eq!(
+        left(&spins, &["spin +", "spin -", "slow spin -"]),
+        ["take spin +", "take spin -", "lay", "spin +36", "settle", "slow spin +", "take slow spin -", "stop"]
+    );
+    let steps = of(ItemId::Resolution, "sensors = [\"gyro\"], gyro_cycles = 2");
+    let labels = labels(&steps);
+    let had: Vec<&str> = labels[..2].iter().map(String::as_str).collect();
+    let rest = left(&steps, &had);
+    assert_eq!(rest[..5], [&*format!("take {}", had[0]), &*format!("take {}", had[1]), "lay", "settle", &*labels[2]]);
+    let turns = of(ItemId::Rotation, "");
+    assert_eq!(left(&turns, &["x+ rotation"])[..4], ["take x+ rotation", "lay", "settle", "x- rotation"]);
+    // Every program is whole where nothing was captured.
+    for (program, had) in [(&spins, "no"), (&steps, "no"), (&turns, "no")] {
+        let whole: Vec<_> = program.steps.iter().map(ResumeAction::Do).collect();
+        assert_eq!(program.after(|about| about.label == had), whole);
+    }
 }

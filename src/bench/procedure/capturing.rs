@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 use gnc_analysis::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
-use gnc_analysis::motion::{Count, MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses};
+use gnc_analysis::motion::{MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses};
 use gnc_board::stream::{Closed, SampleFrame, Stream};
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
@@ -21,6 +21,7 @@ use gnc_records::store::RawFile;
 use super::sampling::{ClockWatch, samples_per_frame};
 use super::start::{Start, first_identity};
 use super::{ProcedureContext, ProcedureError, Recorder};
+use crate::fixture::TakenOver;
 use crate::guidance::Course;
 use crate::turntable::{self, Turntable};
 
@@ -58,10 +59,7 @@ pub(super) async fn run(
         // The next item lays the module down. The error that ended this item counts, not a failure to stop the table.
         let _ = table.stop().await;
     }
-    let over = followed?;
-    if over > 0 {
-        recorder.note(&format!("taken over from the interrupted run: {}", Count(over, "capture"))).await?;
-    }
+    followed?;
     capture.course.works_out();
     capture.raw.finish().await?;
     Ok(capture.captures)
@@ -91,26 +89,30 @@ struct ProgramCapture<'a> {
 }
 
 impl ProgramCapture<'_> {
-    /// Carries out the steps that the interrupted run has not; returns how many captures it had.
-    async fn follow(&mut self, program: &MotionProgram, mut taken: Vec<Capture>) -> Result<usize, ProcedureError> {
-        let mut over = 0;
-        for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
+    /// Carries out the steps that the interrupted run has not. Says first what is taken over, and then asks for motions.
+    async fn follow(&mut self, program: &MotionProgram, mut taken: Vec<Capture>) -> Result<(), ProcedureError> {
+        let actions = program.after(|about| taken.iter().any(|capture| capture.about == *about));
+        let left_s: f64 = actions.iter().map(|action| action.step().span_s()).sum();
+        self.course.passes_over(program.span_s() - left_s);
+        let over = TakenOver::of(&actions);
+        if !over.taken.is_empty() {
+            self.recorder.note(&over.to_string()).await?;
+            self.table.taken_over(over);
+        }
+        for action in actions {
             match action {
                 ResumeAction::Do(step) => self.carry_out(step).await?,
                 ResumeAction::Take(step) => {
                     let place = taken.iter().position(|capture| step.about() == Some(&capture.about));
                     match place {
-                        Some(place) => {
-                            self.take_over(taken.swap_remove(place)).await?;
-                            over += 1;
-                        }
+                        Some(place) => self.take_over(taken.swap_remove(place)).await?,
                         None => self.carry_out(step).await?,
                     }
                 }
             }
             self.course.ended(action.step());
         }
-        Ok(over)
+        Ok(())
     }
 
     async fn carry_out(&mut self, step: &MotionStep) -> Result<(), ProcedureError> {

@@ -5,7 +5,7 @@ mod start;
 
 use std::time::Duration;
 
-use gnc_bench::fixture::{Ask, SwitchReading};
+use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
@@ -194,6 +194,9 @@ fn prompt() {
     check("prompt-turn", |scene| ask(scene, Ask::Heading { deg: 120.0 }));
     let orientation = Orientation::Axis { axis: 2, positive: false, along: Along::Up, heading_deg: 90.0 };
     check("prompt-lay", |scene| ask(scene, Ask::Lay(orientation)));
+    let over = TakenOver { taken: vec!["x+".into(), "x-".into()], left: vec!["y+".into(), "y-".into()] };
+    let resumed = Ask::Resumed { over, next: Box::new(Ask::Lay(orientation)) };
+    check("prompt-resumed", |scene| ask(scene, resumed.clone()));
     let turned = Ask::Turn { orientation: Some(orientation), angle_deg: -1080.0, span_s: 5.0, ramp_s: 0.5 };
     check("prompt-table", |scene| ask(scene, turned.clone()));
     let north = Orientation::Axis { axis: 2, positive: true, along: Along::North, heading_deg: 0.0 };

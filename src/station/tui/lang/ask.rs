@@ -1,7 +1,7 @@
 //! Requests to the operator in a language that is not the station's own. In English the screen shows the text of the log.
 
 use gnc_analysis::motion::GYRO_RANGE_DPS;
-use gnc_bench::fixture::{Ask, SwitchReading, about_axis, turn_rates};
+use gnc_bench::fixture::{Ask, SwitchReading, TakenOver, about_axis, turn_rates};
 use gnc_rig::Orientation;
 
 use super::{Texts, fill};
@@ -19,6 +19,8 @@ pub(super) struct AskTexts {
     pub spin: &'static str,
     pub about: &'static str,
     pub stop: &'static str,
+    pub taken_over: &'static str,
+    pub left: &'static str,
     pub enter_done: &'static str,
     pub enter_lies: &'static str,
     pub enter_turned: &'static str,
@@ -63,6 +65,12 @@ impl AskTexts {
             }
             Ask::StopTable => self.stop.to_owned(),
             Ask::Words(words) => gnc_text::printable(words).into_owned(),
+            Ask::Resumed { over, next } => {
+                let names = |captures: &[String]| gnc_text::printable(&TakenOver::names(captures)).into_owned();
+                let taken = fill(self.taken_over, &[&names(&over.taken)]);
+                let left = fill(self.left, &[&names(&over.left)]);
+                [taken, left, self.action(texts, next)].join(self.between)
+            }
         }
     }
 
@@ -82,6 +90,7 @@ impl AskTexts {
             Ask::Turn { .. } => self.enter_turned,
             Ask::Spin { .. } => self.enter_at_rate,
             Ask::StopTable => self.enter_still,
+            Ask::Resumed { next, .. } => self.when_done(next),
         }
     }
 }

@@ -1,6 +1,6 @@
 use std::collections::BTreeSet;
 
-use gnc_bench::fixture::{Ask, SwitchReading};
+use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_rig::{Along, Orientation};
 
 use super::*;
@@ -70,7 +70,8 @@ fn requests_say_the_same_in_every_language() {
     let up = Orientation::Axis { axis: 0, positive: false, along: Along::Up, heading_deg: 90.0 };
     let still =
         vec![SwitchReading { switch: 2, on: true, volt: 3.306 }, SwitchReading { switch: 4, on: false, volt: 1.998 }];
-    let asks: [(Ask, &[&str]); 9] = [
+    let over = TakenOver { taken: vec!["x+".into(), "x-".into()], left: vec!["y+".into()] };
+    let asks: [(Ask, &[&str]); 10] = [
         (Ask::Switches(None), &["OFF"]),
         (Ask::Switches(Some(3)), &["3", "ON", "OFF"]),
         (Ask::SwitchesAgain { on: Some(4), still }, &["2", "3.306", "4", "1.998", "ON", "OFF"]),
@@ -83,6 +84,7 @@ fn requests_say_the_same_in_every_language() {
         (Ask::Spin { orientation: Some(up), rate_dps: 5400.0 }, &["+5400 deg/s", "+X"]),
         (Ask::StopTable, &[]),
         (Ask::Words("Close the lid.".into()), &["Close the lid."]),
+        (Ask::Resumed { over, next: Box::new(Ask::Lay(up)) }, &["x+, x-", "y+", "-X", "90"]),
     ];
     for lang in Lang::ALL {
         for (ask, parts) in &asks {

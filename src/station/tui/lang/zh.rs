@@ -217,6 +217,8 @@ static ASK: AskTexts = AskTexts {
     spin: "请用转台控制器让转台以 {} deg/s 旋转{}：加速快慢不限，但不得超过该转速。",
     about: "（绕模块 +{} 轴，右手方向）",
     stop: "请停止转台。",
+    taken_over: "沿用中断运行的采集：{}。",
+    left: "尚待采集：{}。",
     enter_done: "完成后按 Enter。",
     enter_lies: "静止后按 Enter。",
     enter_turned: "再次停稳后按 Enter。",

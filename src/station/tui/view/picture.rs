@@ -19,6 +19,7 @@ pub(super) fn rows(ask: &Ask) -> u16 {
         Ask::Heading { .. } => 9,
         Ask::Lay(_) | Ask::Turn { orientation: Some(_), .. } | Ask::Spin { orientation: Some(_), .. } => 10,
         Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => 0,
+        Ask::Resumed { next, .. } => rows(next),
     }
 }
 
@@ -35,6 +36,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, ask: 
             module::draw(model, frame, area, orientation, Some(rate_dps.signum()));
         }
         Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => {}
+        Ask::Resumed { next, .. } => draw(model, frame, area, next),
     }
 }
 
