@@ -1,6 +1,6 @@
 //! `gnc-station doctor` asks a board in another process, and leaves it alone while another program uses the port.
 
-#![expect(clippy::expect_used, clippy::panic, reason = "a test says what it expected")]
+#![expect(clippy::panic, reason = "a test says what it expected")]
 
 use std::process::{Command, Stdio};
 
