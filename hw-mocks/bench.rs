@@ -24,6 +24,7 @@ use crate::breaches::wire::ByteFilter;
 use crate::can::{CanBus, HeardFrame};
 use crate::line::ByteLine;
 use crate::noise::{Dice, RandomStream};
+use crate::operator::{SWITCHES, SimulatedOperator};
 use crate::personality::Personality;
 use crate::turntable::SimulatedTable;
 use crate::wire_faults::FaultyWire;
@@ -123,6 +124,7 @@ pub struct SimulatedBench {
     pub(crate) can_held: bool,
     board: SimulatedBoard,
     table: SimulatedTable,
+    operator: SimulatedOperator,
     decoder: FrameDecoder,
     incoming: ByteLine,
     outgoing: ByteLine,
@@ -157,7 +159,8 @@ impl SimulatedBench {
         };
         let wire = options.personality.model.wire;
         let breaches = &options.personality.model.breaches;
-        Self {
+        let operator = options.personality.model.operator;
+        let mut bench = Self {
             slave: Slave::default(),
             can_slave: Slave::default(),
             session_on: BoardPort::Serial,
@@ -169,6 +172,7 @@ impl SimulatedBench {
             has_can: !breaches.hello.no_can,
             board: SimulatedBoard::new(&options.personality, serial_number, world, options.rate_baud, options.seed),
             table: SimulatedTable::new(options.personality.model.turntable, options.seed),
+            operator: SimulatedOperator::new(operator),
             decoder: FrameDecoder::default(),
             incoming: ByteLine::new(pace),
             outgoing: ByteLine::new(pace),
@@ -180,7 +184,11 @@ impl SimulatedBench {
             pace,
             speed: options.speed,
             held: Duration::ZERO,
+        };
+        for (number, on) in (1..=SWITCHES).zip(operator.switches_on) {
+            bench.set_switch(number, on);
         }
+        bench
     }
 
     /// How many bytes [`SimulatedBench::receive`] takes now; other bytes stay in the host's port.

@@ -59,6 +59,7 @@ enum BenchCommand {
     WaitStill(Sender<Result<(), TableRefusal>>),
     IsMoving(Sender<bool>),
     SetSwitch(u8, bool),
+    OnlySwitch(Option<u8>),
     SetHeading(f64),
     SetAxisUp(ModuleAxis, Sign),
     SetTurn(ModuleAxis, f64),
@@ -105,6 +106,14 @@ impl BenchControl {
     /// [`BenchGone`].
     pub fn set_switch(&self, number: u8, on: bool) -> Result<(), BenchGone> {
         self.order(BenchCommand::SetSwitch(number, on))
+    }
+
+    /// Asks the operator to set one DIP switch (1 to 5) on and the others off, or all off.
+    ///
+    /// # Errors
+    /// [`BenchGone`].
+    pub fn only_switch(&self, on: Option<u8>) -> Result<(), BenchGone> {
+        self.order(BenchCommand::OnlySwitch(on))
     }
 
     /// Points the reference axis (X for Z up) at a heading, clockwise from north, and ends any turning.
@@ -404,6 +413,7 @@ impl Driver {
             self.bench.pass_time(now);
             match command {
                 BenchCommand::SetSwitch(number, on) => self.bench.set_switch(number, on),
+                BenchCommand::OnlySwitch(on) => self.bench.only_switch(on),
                 BenchCommand::SetHeading(heading_deg) => self.bench.set_heading_deg(heading_deg),
                 BenchCommand::SetAxisUp(axis, sign) => self.bench.set_axis_up(axis, sign),
                 BenchCommand::SetTurn(axis, rate_dps) => self.bench.set_turn(axis, rate_dps),

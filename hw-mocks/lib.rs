@@ -23,6 +23,7 @@ mod link_clock;
 mod module;
 mod motion;
 pub mod noise;
+mod operator;
 mod oscillator;
 mod personality;
 mod port;

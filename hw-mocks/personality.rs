@@ -132,6 +132,11 @@
 //! [ad]
 //! unwired_switches = [2]
 //!
+//! [operator]
+//! switches_on = [1, 2]                 # DIP switches that are on at the start
+//! forgets_from = 2                     # from this request to set switches on ...
+//! forgets = 1                          # ... so many are answered without touching a switch
+//!
 //! [io]
 //! shorted = [[2, 3]]
 //! open = [1]
@@ -196,6 +201,7 @@
 //! field_swing_ppm = 150.0
 //! lever_arm_mm = [3.0, -2.0, 4.0]
 //! slew_s = 6.0                         # to orient; 0: at once
+//! ramp_share = 0.1                     # of the time of a turn, for each of its two ramps; 0.5: no steady rate between them
 //!
 //! [reboot]
 //! on = "sdram"                         # at a request to this device ...
@@ -241,6 +247,7 @@ use crate::devices::sci::SciFaults;
 use crate::devices::start::StartFaults;
 use crate::devices::supply::SupplyModel;
 use crate::devices::timer::TimerModel;
+use crate::operator::OperatorFaults;
 use crate::oscillator::Oscillator;
 use crate::sampling::SamplingFaults;
 use crate::turntable::TableModel;
@@ -310,6 +317,7 @@ pub(crate) struct PersonalityModel {
     pub(crate) gnss: GnssFaults,
     pub(crate) playback: Option<Playback>,
     pub(crate) unwired_switches: [bool; 5],
+    pub(crate) operator: OperatorFaults,
     pub(crate) lines: LineFaults,
     pub(crate) sci: SciFaults,
     pub(crate) can: CanFaults,
@@ -432,6 +440,7 @@ impl PersonalityModel {
             gnss,
             playback,
             unwired_switches: root.within("ad", devices::ad).unwrap_or_default(),
+            operator: root.within("operator", devices::operator).unwrap_or_default(),
             lines: LineFaults {
                 flip_every_bits: root.within("spi", |table| count(table, "flip_every_bits")).unwrap_or(0),
                 ..root.within("io", devices::io).unwrap_or_default()
@@ -497,6 +506,7 @@ impl Default for PersonalityModel {
             gnss: GnssFaults::default(),
             playback: None,
             unwired_switches: [false; 5],
+            operator: OperatorFaults::default(),
             lines: LineFaults::default(),
             sci: SciFaults::default(),
             can: CanFaults::default(),

@@ -7,8 +7,6 @@ use gnc_rig::{DriverError, FixtureDriver, Orientation, TurntableDriver};
 use crate::turntable::ACCELERATION_DPS2;
 use crate::{BenchControl, ModuleAxis, Sign};
 
-/// Number of DIP switches.
-const SWITCHES: u8 = 5;
 /// The change from one spin to the opposite one of the same rate takes this many ramps.
 const BOTH_SENSES: f64 = 2.0;
 
@@ -55,8 +53,7 @@ impl FixtureDriver for BenchControl {
     }
 
     fn only_switch(&self, on: Option<u8>) -> Result<(), DriverError> {
-        (1..=SWITCHES).try_for_each(|number| self.set_switch(number, Some(number) == on))?;
-        Ok(())
+        Ok(BenchControl::only_switch(self, on)?)
     }
 
     fn turn_to(&self, heading_deg: f64) -> Result<(), DriverError> {

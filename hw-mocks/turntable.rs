@@ -10,7 +10,7 @@
 //!
 //! # How it moves
 //! - Orienting takes `slew_s`: the shortest turn from attitude to attitude, from rest to rest.
-//! - A rotation has a trapezoidal rate: ramps of [`RAMP_SHARE`] of the span at both ends, so that 1080 deg in 5 s go up
+//! - A rotation has a trapezoidal rate: ramps of [`TableModel::ramp_share`] of the span at both ends, a tenth, so that 1080 deg in 5 s go up
 //!   to 240 deg/s in 0.5 s and down again. It turns by `angle (1 + angle_error_ppm)` and a new error of
 //!   `angle_error_arcsec`.
 //! - A spin ramps at [`ACCELERATION_DPS2`] to `rate (1 + rate_error_ppm)` and stays there.
@@ -23,8 +23,6 @@ use crate::motion::{Motion, Profile, Wobble};
 use crate::noise::{Dice, RandomStream};
 use crate::world::{ModuleAxis, Sign, World};
 
-/// Part of a rotation's span for each of its two ramps.
-pub(crate) const RAMP_SHARE: f64 = 0.1;
 /// Acceleration of a spin: 5400 deg/s are reached in 3.6 s.
 pub(crate) const ACCELERATION_DPS2: f64 = 1500.0;
 /// Deceleration of a stop: 5400 deg/s end in 1.8 s.
@@ -64,6 +62,9 @@ pub struct TableModel {
     pub lever_arm_mm: [f64; 3],
     /// Time that orienting takes; 0: at once.
     pub slew_s: f64,
+    /// Part of a rotation's span for each of its two ramps. At 0.5 there is no steady rate between them, and the rate
+    /// peaks at twice its mean.
+    pub ramp_share: f64,
 }
 
 impl Default for TableModel {
@@ -82,6 +83,7 @@ impl Default for TableModel {
             field_swing_ppm: 150.0,
             lever_arm_mm: [3.0, -2.0, 4.0],
             slew_s: 6.0,
+            ramp_share: 0.1,
         }
     }
 }
@@ -237,12 +239,12 @@ impl SimulatedTable {
         if !(0.001..=LONGEST_S).contains(&span_s) {
             return Err(TableRefusal::Span { span_s });
         }
-        fast_enough(angle_deg / (span_s * (1.0 - RAMP_SHARE)))?;
+        fast_enough(angle_deg / (span_s * (1.0 - self.model.ramp_share)))?;
         self.at_rest(world, now_s)?;
         let axis = self.axis.ok_or(TableRefusal::NotOriented)?;
         let error_deg = self.model.angle_error_arcsec / 3600.0 * self.dice.normal();
         self.rotation_deg = angle_deg * (1.0 + self.model.angle_error_ppm * 1e-6) + error_deg;
-        let profile = Profile::trapezoid(now_s, self.rotation_deg.to_radians(), span_s, RAMP_SHARE);
+        let profile = Profile::trapezoid(now_s, self.rotation_deg.to_radians(), span_s, self.model.ramp_share);
         self.turn(world, axis, profile, now_s);
         Ok(())
     }

@@ -68,6 +68,21 @@ fn check(case: &Case, ran: &Ran, expected: &str) {
     assert!(found.iter().any(|violation| violation.contains(expected)), "no \"{expected}\" in {found:?}");
 }
 
+/// Over CAN the answer that ends a stream overtakes the bytes of the stream that still wait for the bus: the lower id
+/// wins. These bytes are late and not lost, so a receiver without sky fails at once and never errs.
+#[test]
+fn an_answer_that_overtakes_the_receivers_bytes_is_no_loss() {
+    for seed in [SEED, 830_417, 1128] {
+        let case = Case { seed, link: Link::Can, ..calm("no-sky", "") };
+        let ran = run(&case, Over::Memory, None);
+        assert_eq!(violations(&case, &ran), Vec::<String>::new(), "{case:?}");
+        let record = ran.record.expect("a record");
+        let gnss = record.items.iter().find(|item| item.name == "gnss").expect("the item");
+        let ended: Vec<String> = gnss.attempts.iter().map(|attempt| attempt.outcome.to_string()).collect();
+        assert_eq!(ended, ["failed"], "{case:?}");
+    }
+}
+
 /// The campaign finds each violation that it looks for: real runs, checked against the conditions of other cases.
 #[test]
 fn violations_are_seen() {

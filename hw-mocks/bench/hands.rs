@@ -6,6 +6,7 @@ use std::time::Duration;
 use gnc_rig::Along;
 
 use super::SimulatedBench;
+use crate::operator::SWITCHES;
 use crate::turntable::TableRefusal;
 use crate::world::{ModuleAxis, Sign};
 
@@ -21,6 +22,13 @@ impl SimulatedBench {
     /// Flips a DIP switch, 1 to 5.
     pub fn set_switch(&mut self, number: u8, on: bool) {
         self.board.module.ad.set_switch(number, on);
+    }
+
+    /// Asks the operator to set one DIP switch (1 to 5) on and all others off, or all off.
+    pub fn only_switch(&mut self, on: Option<u8>) {
+        if self.operator.sets_switches() {
+            (1..=SWITCHES).for_each(|number| self.set_switch(number, Some(number) == on));
+        }
     }
 
     /// Points the module's reference axis.

@@ -20,6 +20,7 @@ use crate::devices::sci::SciFaults;
 use crate::devices::start::StartFaults;
 use crate::devices::supply::SupplyModel;
 use crate::devices::timer::TimerModel;
+use crate::operator::OperatorFaults;
 
 /// Bytes of the coefficients that a module stores.
 const COEFFICIENT_BYTES: i64 = 300;
@@ -199,13 +200,27 @@ fn playback(table: &TomlTable<'_, '_>, load: Load<'_>) -> Option<Playback> {
 }
 
 pub(super) fn ad(table: &TomlTable<'_, '_>) -> [bool; 5] {
-    let mut unwired = [false; 5];
-    for switch in table.list("unwired_switches", "a list of switches, 1 to 5") {
+    switches(table, "unwired_switches")
+}
+
+/// Some of the five DIP switches.
+fn switches(table: &TomlTable<'_, '_>, key: &'static str) -> [bool; 5] {
+    let mut set = [false; 5];
+    for switch in table.list(key, "a list of switches, 1 to 5") {
         if let Some(switch) = whole::<usize>(&switch, (1, 5)) {
-            unwired[switch - 1] = true;
+            set[switch - 1] = true;
         }
     }
-    unwired
+    set
+}
+
+pub(super) fn operator(table: &TomlTable<'_, '_>) -> OperatorFaults {
+    needs(table, "forgets_from", "forgets");
+    OperatorFaults {
+        switches_on: switches(table, "switches_on"),
+        forgets_from: table.entry("forgets_from").and_then(|entry| whole(&entry, (1, 100))).unwrap_or(1),
+        forgets: table.entry("forgets").and_then(|entry| whole(&entry, (1, 100))).unwrap_or(0),
+    }
 }
 
 /// The lines of [io]; the SPI uses the same lines.

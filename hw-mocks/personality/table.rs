@@ -8,6 +8,9 @@ use crate::turntable::TableModel;
 /// Largest error of a table: a degree. More would be another attitude and not an error.
 const MOST_ARCSEC: f64 = 3600.0;
 
+/// Bounds of a ramp's part of a turn. Two ramps have no room for more than half each; below a hundredth the table would jerk.
+const SHORTEST_AND_LONGEST_RAMP: (f64, f64) = (0.01, 0.5);
+
 pub(super) fn turntable(table: &TomlTable<'_, '_>) -> TableModel {
     let d = TableModel::default();
     let both = |key: &'static str, most: f64| table.number(key, (-most, most));
@@ -30,6 +33,7 @@ pub(super) fn turntable(table: &TomlTable<'_, '_>) -> TableModel {
         field_mgauss: three("field_mgauss", 100.0).unwrap_or(d.field_mgauss),
         field_swing_ppm: both("field_swing_ppm", 1e5).unwrap_or(d.field_swing_ppm),
         lever_arm_mm: three("lever_arm_mm", 1000.0).unwrap_or(d.lever_arm_mm),
+        ramp_share: table.number("ramp_share", SHORTEST_AND_LONGEST_RAMP).unwrap_or(d.ramp_share),
         slew_s: table.number("slew_s", (0.0, 600.0)).unwrap_or(d.slew_s),
     }
 }

@@ -42,6 +42,8 @@ pub enum MotionStep {
     Turn {
         /// What the samples are of. The pose says how the module is turned.
         about: CaptureHead,
+        /// Time of each of the two ramps within the turn.
+        ramp_s: f64,
         /// Time at rest after the turn.
         rest_s: f64,
         /// The sensors that count.
@@ -82,6 +84,9 @@ pub enum Uses {
     /// Gyroscopes and accelerometers, compensated by the board.
     Compensated,
 }
+
+/// Published range of the gyroscopes. They saturate at 419 deg/s (interface document, section 10).
+pub const GYRO_RANGE_DPS: f64 = 400.0;
 
 /// Time at rest before a turn. The analysis needs at least half a second.
 pub const REST_BEFORE_S: f64 = 1.0;

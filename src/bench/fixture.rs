@@ -1,16 +1,18 @@
 //! The fixture of a bench turns the module and flips the DIP switches: a person at a terminal or at the screen, or a
 //! device.
 
-use std::fmt;
+mod ask;
+
 use std::io::BufRead as _;
 use std::sync::Arc;
 
 use gnc_records::store::StoreError;
-use gnc_rig::{DriverError, Orientation, Rig};
+use gnc_rig::{DriverError, Rig};
 use tokio::sync::mpsc::{self, error::TrySendError};
 use tokio::sync::{Mutex, oneshot};
 
 use crate::recorder::Recorder;
+pub use ask::{Ask, SwitchReading, TakenOver, about_axis, turn_rates};
 
 /// Bound on the lines typed ahead that are kept. More lines mean that a key is held down.
 const TYPED_AHEAD: usize = 16;
@@ -19,25 +21,25 @@ const TYPED_AHEAD: usize = 16;
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum FixtureError {
     /// The plan needs a person, and the bench has no operator.
-    #[error("there is no operator to {what}")]
+    #[error("there is no operator who could do this: {what}")]
     Nobody {
         /// What was to be done.
         what: String,
     },
     /// The operator answered no.
-    #[error("the operator could not {what}")]
+    #[error("the operator could not do this: {what}")]
     Refused {
         /// What was to be done.
         what: String,
     },
     /// The terminal or screen that showed the question is closed.
-    #[error("the terminal was closed before the operator could {what}")]
+    #[error("the terminal was closed before the operator did this: {what}")]
     TerminalClosed {
         /// What was to be done.
         what: String,
     },
     /// The fixture failed to do it.
-    #[error("{name} could not {what}")]
+    #[error("{name} could not do this: {what}")]
     Fixture {
         /// The fixture.
         name: String,
@@ -69,61 +71,6 @@ impl FixtureError {
             Self::Fixture { .. } => "check the fixture and its cables; start the bench again",
             Self::Table { .. } => "check the motion in the plan, and the turntable's cables; start the bench again",
             Self::Store(error) => error.try_this(),
-        }
-    }
-}
-
-/// What a person is asked to do.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Ask {
-    /// Set this DIP switch (1 to 5) to ON and all others to OFF, or all to OFF.
-    Switches(Option<u8>),
-    /// Turn the level module to a heading, clockwise seen from above, from the mark on the table.
-    Heading {
-        /// Degrees.
-        deg: f64,
-    },
-    /// Lay the module on the table.
-    Lay(Orientation),
-    /// Turn the table with the module on it.
-    Turn {
-        /// How the module was laid down.
-        orientation: Option<Orientation>,
-        /// Right-handed about the module's axis along the table's.
-        angle_deg: f64,
-        /// Time of the turn, ramps included, seconds.
-        span_s: f64,
-    },
-    /// Spin the table with the module on it.
-    Spin {
-        /// How the module was laid down.
-        orientation: Option<Orientation>,
-        /// Right-handed about the module's axis along the table's.
-        rate_dps: f64,
-    },
-    /// Bring the table to rest.
-    StopTable,
-    /// A request of the plan in its own words.
-    Words(String),
-}
-
-impl fmt::Display for Ask {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Switches(Some(number)) => write!(f, "set DIP switch {number} to ON and the other four to OFF"),
-            Self::Switches(None) => f.write_str("set all five DIP switches to OFF"),
-            Self::Heading { deg } => write!(f, "turn the module, kept level, to {deg:.0} degrees on the table"),
-            Self::Lay(orientation) => write!(f, "{orientation}; press Enter when it lies still"),
-            Self::Turn { angle_deg, span_s, .. } => write!(
-                f,
-                "turn the table by {angle_deg:+.0} degrees in {span_s} s, ramps included; press Enter when it stands still \
-                 again"
-            ),
-            Self::Spin { rate_dps, .. } => {
-                write!(f, "spin the table at {rate_dps:+.0} deg/s; press Enter when it has reached that rate")
-            }
-            Self::StopTable => f.write_str("stop the table; press Enter when it stands still"),
-            Self::Words(words) => f.write_str(words),
         }
     }
 }
@@ -167,6 +114,19 @@ impl Fixture {
         self.ask(&Ask::Switches(on), recorder, |rig| rig.only_switch(on)).await
     }
 
+    /// Sets the switches once more, after they read otherwise than they were asked for.
+    ///
+    /// # Errors
+    /// As [`Fixture::only_switch`].
+    pub(crate) async fn only_switch_again(
+        &self,
+        on: Option<u8>,
+        still: Vec<SwitchReading>,
+        recorder: &Recorder<'_>,
+    ) -> Result<(), FixtureError> {
+        self.ask(&Ask::SwitchesAgain { on, still }, recorder, |rig| rig.only_switch(on)).await
+    }
+
     /// Turns the level module to a heading, clockwise seen from above, from the mark on the table.
     ///
     /// # Errors
@@ -197,8 +157,8 @@ impl Fixture {
         recorder: &Recorder<'_>,
         drive: impl FnOnce(&dyn Rig) -> Result<(), DriverError>,
     ) -> Result<(), FixtureError> {
-        let what = ask.to_string();
-        recorder.prompted(&what).await?;
+        let what = ask.action();
+        recorder.prompted(&ask.to_string()).await?;
         let answer = match self {
             Self::Absent => return Err(FixtureError::Nobody { what }),
             Self::Operator(operator) => operator.wait(&what).await?,
@@ -215,11 +175,11 @@ impl Fixture {
 
 async fn at_the_screen(screen: &mpsc::Sender<OperatorQuestion>, item: &str, ask: &Ask) -> Result<String, FixtureError> {
     let (answer, answered) = oneshot::channel();
-    let closed = || FixtureError::TerminalClosed { what: ask.to_string() };
+    let closed = || FixtureError::TerminalClosed { what: ask.action() };
     screen.send(OperatorQuestion { item: item.to_owned(), ask: ask.clone(), answer }).await.map_err(|_| closed())?;
     match answered.await {
         Ok(true) => Ok(String::new()),
-        Ok(false) => Err(FixtureError::Refused { what: ask.to_string() }),
+        Ok(false) => Err(FixtureError::Refused { what: ask.action() }),
         Err(_) => Err(closed()),
     }
 }

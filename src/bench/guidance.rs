@@ -277,6 +277,11 @@ impl<'a> Course<'a> {
         self.hand_on(false);
     }
 
+    /// Passes over steps that take so long, since their captures exist already.
+    pub(crate) fn passes_over(&mut self, span_s: f64) {
+        self.now.done_s += span_s;
+    }
+
     /// All steps are over.
     pub(crate) fn works_out(&mut self) {
         self.now.stage = Stage::WorkingOut;
@@ -315,7 +320,7 @@ mod tests {
                 MotionStep::Lay(orientation),
                 MotionStep::Settle { span_s: 10.0 },
                 MotionStep::Capture { about: still, span_s: 60.0, uses: Uses::Inertial },
-                MotionStep::Turn { about: about("z-", turn), rest_s: 1.0, uses: Uses::Gyro },
+                MotionStep::Turn { about: about("z-", turn), ramp_s: 0.5, rest_s: 1.0, uses: Uses::Gyro },
             ],
         }
     }

@@ -11,7 +11,7 @@ use std::time::Duration;
 use futures_util::future::LocalBoxFuture;
 use gnc_rig::Orientation;
 
-use crate::fixture::{Ask, Fixture, FixtureError};
+use crate::fixture::{Ask, Fixture, FixtureError, TakenOver};
 use crate::recorder::Recorder;
 use driven::Driven;
 
@@ -19,13 +19,15 @@ use driven::Driven;
 pub(crate) trait Turntable {
     /// Lays the module down.
     fn lay(&self, orientation: Orientation) -> TurntableMotion<'_>;
-    /// Turns the module about the table's axis by an angle in a time, right-handed about the module's axis that was
-    /// laid along it.
-    fn rotate(&self, angle_deg: f64, span_s: f64) -> TurntableMotion<'_>;
+    /// Turns the module about the table's axis by an angle in a time with ramps of `ramp_s` at both ends, right-handed about
+    /// the module's axis that was laid along it. A driven table has ramps of its own.
+    fn rotate(&self, angle_deg: f64, span_s: f64, ramp_s: f64) -> TurntableMotion<'_>;
     /// Begins to spin about the table's axis and returns when the rate is reached.
     fn spin(&self, rate_dps: f64) -> TurntableMotion<'_>;
     /// Brings everything that moves to rest.
     fn stop(&self) -> TurntableMotion<'_>;
+    /// Hears what is taken over from an earlier run. A person is told with the next request.
+    fn taken_over(&self, _: TakenOver) {}
     /// Lets time pass at the bench.
     fn pause(&self, span: Duration) -> TurntableMotion<'_>;
 }
@@ -38,7 +40,7 @@ pub(crate) type TurntableMotion<'a> = LocalBoxFuture<'a, Result<(), FixtureError
 pub(crate) fn of<'a>(fixture: &'a Fixture, recorder: &'a Recorder<'a>) -> Box<dyn Turntable + 'a> {
     match fixture {
         Fixture::Driven(rig) => Box::new(Driven::new(rig.clone())),
-        _ => Box::new(ByHand { fixture, recorder, orientation: Cell::new(None) }),
+        _ => Box::new(ByHand { fixture, recorder, orientation: Cell::new(None), taken_over: Cell::new(None) }),
     }
 }
 
@@ -56,22 +58,32 @@ struct ByHand<'a> {
     recorder: &'a Recorder<'a>,
     /// How the module was laid down last. The picture of a turn shows it.
     orientation: Cell<Option<Orientation>>,
+    /// What is taken over from an earlier run, until the person was told.
+    taken_over: Cell<Option<TakenOver>>,
 }
 
 impl ByHand<'_> {
     fn ask(&self, ask: Ask) -> TurntableMotion<'_> {
+        let ask = match self.taken_over.take() {
+            Some(over) => Ask::Resumed { over, next: Box::new(ask) },
+            None => ask,
+        };
         Box::pin(async move { self.fixture.request(&ask, self.recorder).await })
     }
 }
 
 impl Turntable for ByHand<'_> {
+    fn taken_over(&self, over: TakenOver) {
+        self.taken_over.set(Some(over));
+    }
+
     fn lay(&self, orientation: Orientation) -> TurntableMotion<'_> {
         self.orientation.set(Some(orientation));
         self.ask(Ask::Lay(orientation))
     }
 
-    fn rotate(&self, angle_deg: f64, span_s: f64) -> TurntableMotion<'_> {
-        self.ask(Ask::Turn { orientation: self.orientation.get(), angle_deg, span_s })
+    fn rotate(&self, angle_deg: f64, span_s: f64, ramp_s: f64) -> TurntableMotion<'_> {
+        self.ask(Ask::Turn { orientation: self.orientation.get(), angle_deg, span_s, ramp_s })
     }
 
     fn spin(&self, rate_dps: f64) -> TurntableMotion<'_> {

@@ -119,6 +119,16 @@ impl<'a> BoardLease<'a> {
         Ok(closed)
     }
 
+    /// Ends a stream to which nobody listens any more. On CAN samples may still come behind the board's answer, and a new
+    /// run of the stream must not take them for its own.
+    async fn end_stream(&self, id: StreamId) -> Result<(), BoardError> {
+        if self.tap().is_some() {
+            let stream = self.listen(id).await?;
+            return self.stop_stream(stream).await.map(drop);
+        }
+        self.call(&StreamStop { stream: id as u8 }).await.map(drop)
+    }
+
     /// Tells people how far a capture is.
     pub fn captured(&self, samples: u32, wanted: u32, rate_hz: u16) {
         let ms = |samples: u32| u64::from(samples) * 1000 / u64::from(rate_hz.max(1));
@@ -168,7 +178,7 @@ impl<'a> BoardLease<'a> {
         }
         let open = std::mem::take(&mut *self.streams.borrow_mut());
         for stream in open {
-            if self.call(&StreamStop { stream: stream as u8 }).await.is_err_and(|error| !error.is_answered()) {
+            if self.end_stream(stream).await.is_err_and(|error| !error.is_answered()) {
                 return;
             }
         }

@@ -6,7 +6,7 @@ use gnc_protocol::message::StreamStopReply;
 use gnc_protocol::stream::{Losses, StreamHead, StreamId};
 use gnc_protocol::wire::{FieldReader, Wire as _, WireError};
 use tokio::sync::mpsc;
-use tokio::time::Instant;
+use tokio::time::{Instant, timeout_at};
 
 use crate::error::{BoardError, gone};
 use crate::latest::Follower;
@@ -18,6 +18,12 @@ const BEHIND_US: u64 = 2_000_000;
 /// Link time with heartbeats while the board's clock stands still, after which the stream counts as ended. So ends a
 /// stream on a simulated bench at full speed when its last frame was lost.
 const STANDS_FOR: Duration = Duration::from_millis(1500);
+
+/// Longest time without a frame in which samples that the board has sent may still be on their way when its answer is
+/// there. On CAN an answer overtakes samples that wait for the bus, and test frames of another program may hold them back.
+const OVERTAKEN_FOR: Duration = Duration::from_millis(300);
+/// Longest wait for all of them. A board keeps less than a second of samples for the bus.
+const OVERTAKEN_WITHIN: Duration = Duration::from_secs(2);
 
 /// Frames that may wait for the reader of a stream before the line is held up for it: a second of 1 kHz in single
 /// samples.
@@ -176,6 +182,9 @@ impl Stream {
 
     /// Waits for the board's counts of the stream, counts the frames that still come meanwhile, and closes the account.
     /// Samples that the board produced and neither dropped nor delivered were lost on the line.
+    ///
+    /// On RS-422 all samples leave before the answer. On CAN the lower id wins the bus, so an answer overtakes samples that
+    /// wait for it. While samples are missing, they may still come.
     pub(super) async fn close(
         mut self,
         stopped: impl Future<Output = Result<StreamStopReply, BoardError>>,
@@ -183,7 +192,6 @@ impl Stream {
         tokio::pin!(stopped);
         let board = loop {
             tokio::select! {
-                // These frames left the board before the answer, so they come before it.
                 biased;
                 frame = self.frames.recv() => match frame {
                     Some(frame) => self.account(&frame?.head),
@@ -195,14 +203,34 @@ impl Stream {
         while let Ok(frame) = self.frames.try_recv() {
             self.account(&frame?.head);
         }
+        self.overtaken(&board).await?;
         self.losses.on_board = board.dropped;
         let Losses { received, on_board, .. } = self.losses;
         self.losses.on_line = board.produced.saturating_sub(received.saturating_add(on_board));
         Ok(Closed { produced: board.produced, losses: self.losses })
     }
 
+    /// Waits for frames that the answer overtook, until none is missing or none comes any longer.
+    async fn overtaken(&mut self, board: &StreamStopReply) -> Result<(), BoardError> {
+        let until = Instant::now() + OVERTAKEN_WITHIN;
+        while self.numbered() < board.produced {
+            let next = until.min(Instant::now() + OVERTAKEN_FOR);
+            match timeout_at(next, self.frames.recv()).await {
+                Ok(Some(frame)) => self.account(&frame?.head),
+                Ok(None) | Err(_) => break,
+            }
+        }
+        Ok(())
+    }
+
+    /// The number after the last sample of the newest frame, from the start of the stream.
+    fn numbered(&self) -> u32 {
+        let Losses { received, on_board, on_line } = self.losses;
+        received.saturating_add(on_board).saturating_add(on_line)
+    }
+
     fn account(&mut self, head: &StreamHead) {
-        let expected = self.losses.received.saturating_add(self.losses.on_board).saturating_add(self.losses.on_line);
+        let expected = self.numbered();
         let missing = head.first.saturating_sub(expected);
         let on_board = head.dropped.saturating_sub(self.losses.on_board).min(missing);
         self.losses.on_board = self.losses.on_board.saturating_add(on_board);
@@ -290,8 +318,26 @@ mod tests {
         assert!(admit(150_000, 30));
     }
 
+    /// Frames 0-9 come before the answer that ends the stream and 10-29 behind it: they were overtaken and are not lost.
+    #[tokio::test(start_paused = true)]
+    async fn what_the_answer_overtook_is_not_lost() {
+        let (sender, frames) = mpsc::channel(1);
+        let beat = Latest::new(BoardTime::default());
+        let stream = Stream::new(StreamId::Gnss, frames, beat.follower());
+        let board = async {
+            for first in [0, 10, 20] {
+                sender.send(Ok(SampleFrame { head: head(first, 10, 0), samples: Box::default() })).await.ok();
+                tokio::time::sleep(OVERTAKEN_FOR / 2).await;
+            }
+        };
+        let stopped = async { Ok(StreamStopReply { produced: 30, dropped: 0 }) };
+        let (closed, ()) = tokio::join!(stream.close(stopped), board);
+        let losses = Losses { received: 30, on_board: 0, on_line: 0 };
+        assert_eq!(closed, Ok(Closed { produced: 30, losses }));
+    }
+
     /// Frames 0-9 come, 10-19 are lost while the stream is being ended: only the board's figures tell.
-    #[tokio::test]
+    #[tokio::test(start_paused = true)]
     async fn the_last_frame_is_missed_too() {
         let (sender, frames) = mpsc::channel(1);
         let beat = Latest::new(BoardTime::default());

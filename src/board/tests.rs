@@ -20,20 +20,32 @@ use tokio::time::Instant;
 
 use super::*;
 
-/// A board that must send this many pieces of the receiver's bytes before it answers a request.
-async fn talkative_board(mut end: MemoryEnd, pieces: u32) {
+/// Which frames of the board go first.
+#[derive(Clone, Copy, PartialEq)]
+enum First {
+    /// Those that were queued first.
+    Oldest,
+    /// Answers: their id is lower.
+    Answers,
+}
+
+/// A board with this many pieces of the receiver's bytes to send at each request.
+async fn talkative_board(mut end: MemoryEnd, pieces: u32, first: First) {
     let mut endpoint = Endpoint::new(EndpointRole::Board);
-    let mut waiting: VecDeque<CanFrame> = VecDeque::new();
+    let (mut urgent, mut waiting) = (VecDeque::<CanFrame>::new(), VecDeque::<CanFrame>::new());
     let mut said = 0;
     let began = Instant::now();
     loop {
         while let Some(frame) = endpoint.poll(began.elapsed()) {
-            waiting.push_back(frame);
+            match first {
+                First::Oldest => waiting.push_back(frame),
+                First::Answers => urgent.push_back(frame),
+            }
         }
         tokio::select! {
-            room = end.to_host.reserve(), if !waiting.is_empty() => {
+            room = end.to_host.reserve(), if !urgent.is_empty() || !waiting.is_empty() => {
                 let Ok(room) = room else { return };
-                if let Some(frame) = waiting.pop_front() {
+                if let Some(frame) = urgent.pop_front().or_else(|| waiting.pop_front()) {
                     room.send(frame);
                 }
             }
@@ -93,7 +105,7 @@ fn answers(heard: &Frame, said: &mut u32, pieces: u32) -> Vec<Frame> {
 #[tokio::test(start_paused = true)]
 async fn an_answer_does_not_wait_for_a_listener_who_is_behind() {
     let (link, end) = CanLink::in_memory();
-    let played = tokio::spawn(talkative_board(end, 3000));
+    let played = tokio::spawn(talkative_board(end, 3000, First::Oldest));
     let board = BoardClient::connect(Link::Can(Box::new(link)), 1, Default::default()).await.unwrap();
     let lease = BoardLease::new(&board, watch::channel(Advance::default()).0);
     let stream = lease.listen(StreamId::Gnss).await.unwrap();
@@ -103,6 +115,22 @@ async fn an_answer_does_not_wait_for_a_listener_who_is_behind() {
     let closed = lease.stop_stream(stream).await.unwrap();
     assert_eq!((closed.produced, closed.losses.received, closed.losses.any()), (54_000, 54_000, false));
     assert_eq!(board.close().await.resent, 0);
+    played.abort();
+}
+
+/// An attempt was cut off and its stream is ended for it. Bytes that the board's answer overtook come before the lease is
+/// clear: a stream that begins after that would take them for its own.
+#[tokio::test(start_paused = true)]
+async fn what_an_answer_overtook_does_not_reach_the_next_stream() {
+    let (link, end) = CanLink::in_memory();
+    let played = tokio::spawn(talkative_board(end, 3000, First::Answers));
+    let board = BoardClient::connect(Link::Can(Box::new(link)), 1, Default::default()).await.unwrap();
+    let lease = BoardLease::new(&board, watch::channel(Advance::default()).0);
+    drop(lease.listen(StreamId::Gnss).await.unwrap());
+    lease.clear().await;
+    let mut next = lease.listen(StreamId::Gnss).await.unwrap();
+    let late = tokio::time::timeout(Duration::from_secs(1), next.next()).await;
+    assert!(late.is_err(), "{late:?}");
     played.abort();
 }
 

@@ -251,6 +251,8 @@ pub struct CanLink {
     tap: TapEnd,
     handed_out: Option<Tap>,
     started: Instant,
+    /// Frames that have come so far, under any id.
+    came: u64,
 }
 
 impl CanLink {
@@ -296,6 +298,7 @@ impl CanLink {
             tap: TapEnd { outgoing, incoming, errors, absences, traffic },
             handed_out: Some(tap),
             started: Instant::now(),
+            came: 0,
         }
     }
 
@@ -335,11 +338,13 @@ impl CanLink {
                     }
                     // Test frames of another station have the same ids as those of this station.
                     BusEvent::Received(frame) if is_echo(frame.id()) || echo_of(frame.id()).is_some() => {
+                        self.came += 1;
                         // Without a listener the frame is lost. The same happens with a listener that has too many in
                         // flight.
                         let _ = self.tap.incoming.try_send(frame);
                     }
                     BusEvent::Received(frame) => {
+                        self.came += 1;
                         self.tap.traffic.send_modify(|traffic| traffic.add(&frame));
                         if let Some(received) = self.endpoint.receive(&frame, self.started.elapsed()) {
                             return Ok(received.map_err(|error| NoFrame::Damaged { error, bytes: Box::default() }));
@@ -361,6 +366,10 @@ impl CanLink {
     #[must_use]
     pub fn name(&self) -> String {
         self.bus.name()
+    }
+
+    pub(super) fn came(&self) -> u64 {
+        self.came
     }
 
     pub(super) fn counters(&self) -> LineCounters {

@@ -85,6 +85,15 @@ impl Link {
         }
     }
 
+    /// Bytes that came so far (CAN: frames under any id), whatever they are.
+    #[must_use]
+    pub fn came(&self) -> u64 {
+        match self {
+            Self::Serial(link) => link.came(),
+            Self::Can(link) => link.came(),
+        }
+    }
+
     /// The counts of the line so far.
     #[must_use]
     pub fn counters(&self) -> LineCounters {

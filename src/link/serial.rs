@@ -66,6 +66,10 @@ impl SerialLink {
         self.port.name()
     }
 
+    pub(super) fn came(&self) -> u64 {
+        self.port.came
+    }
+
     pub(super) fn counters(&self) -> LineCounters {
         self.decoder.counters()
     }

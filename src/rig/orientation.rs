@@ -55,18 +55,18 @@ impl fmt::Display for Orientation {
                 match along {
                     Along::Up => write!(
                         f,
-                        "lay the module with {sign}{} up and +{next} to {heading_deg:.0} degrees, clockwise from north",
+                        "Lay the module with {sign}{} up and +{next} to {heading_deg:.0} degrees, clockwise from north",
                         name(axis)
                     ),
                     Along::North => write!(
                         f,
-                        "lay the module with {sign}{} level to the north and +{next} {heading_deg:.0} degrees from up, \
+                        "Lay the module with {sign}{} level to the north and +{next} {heading_deg:.0} degrees from up, \
                          clockwise seen from the north",
                         name(axis)
                     ),
                     Along::Polar => write!(
                         f,
-                        "lay the module with {sign}{} to the celestial north pole and +{next} {heading_deg:.0} degrees \
+                        "Lay the module with {sign}{} to the celestial north pole and +{next} {heading_deg:.0} degrees \
                          from the upper side of the meridian, clockwise seen from the pole",
                         name(axis)
                     ),
@@ -74,7 +74,7 @@ impl fmt::Display for Orientation {
             }
             Orientation::Up { up: [x, y, z], heading_deg } => write!(
                 f,
-                "lay the module so that ({x:+.4}, {y:+.4}, {z:+.4}) of its axes X, Y, Z points up, heading {heading_deg:.0} \
+                "Lay the module so that ({x:+.4}, {y:+.4}, {z:+.4}) of its axes X, Y, Z points up, heading {heading_deg:.0} \
                  degrees"
             ),
         }

@@ -30,7 +30,8 @@ pub(crate) struct Cli {
 enum Command {
     /// Lists the serial ports of this computer.
     Ports,
-    /// Checks ports, rights, buses, disk and clock, and names the command that mends each fault; changes nothing itself.
+    /// Checks ports, rights, buses, disk and clock, asks the board who it is unless another program works with it, and names
+    /// the command that mends each fault; changes nothing itself.
     Doctor {
         /// The bench file; by default `bench.toml`, if it exists.
         #[arg(long, value_name = "FILE")]

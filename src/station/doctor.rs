@@ -1,7 +1,10 @@
 //! `gnc-station doctor`: checks everything that a bench depends on. For each fault it prints one line with the command
-//! that mends it. It changes nothing itself.
+//! that mends it. It changes nothing itself. It asks the board who it is, unless another program works with it.
 
+mod board;
 mod bus;
+mod holders;
+mod lines;
 mod place;
 mod port;
 #[cfg(test)]
@@ -12,9 +15,9 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use gnc_executive::bench::{BenchFile, TestSocket};
-use gnc_link::can::{CanTarget, slcan};
+use gnc_executive::bench::BenchFile;
 use gnc_text::printable;
+use holders::Proc;
 
 use crate::files;
 use crate::setup::{BENCH_FILE, RECORDS};
@@ -78,6 +81,11 @@ impl Finding {
         Self { health: Health::Warning, what: what.into(), mend: mend.into() }
     }
 
+    /// Makes a fault a warning: it concerns an item and not all runs.
+    fn soften(&mut self) {
+        self.health = self.health.min(Health::Warning);
+    }
+
     fn bad(what: impl Into<String>, mend: impl Into<String>) -> Self {
         Self { health: Health::Bad, what: what.into(), mend: mend.into() }
     }
@@ -100,7 +108,7 @@ impl fmt::Display for Finding {
 
 /// Checks the bench and prints the findings. `named` is the bench file of the command line.
 pub(crate) fn run(named: Option<&Path>, records: Option<&Path>) -> ExitCode {
-    let findings = look(named, records, &Sys::default());
+    let findings = look(named, records, &Sys::default(), &Proc::default());
     let mut out = std::io::stdout().lock();
     for finding in &findings {
         let _ = writeln!(out, "{finding}");
@@ -111,12 +119,13 @@ pub(crate) fn run(named: Option<&Path>, records: Option<&Path>) -> ExitCode {
     }
 }
 
-pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys) -> Vec<Finding> {
+pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys, proc: &Proc) -> Vec<Finding> {
     let mut findings = Vec::new();
     let path = named.map_or_else(|| PathBuf::from(BENCH_FILE), Path::to_owned);
     let bench = bench_file(&path, named.is_some(), &mut findings);
     if let Some(bench) = &bench {
-        socket(bench, sys, &mut findings);
+        socket(bench, &mut findings);
+        findings.extend(lines::look(bench, sys, proc));
     }
     let in_file = bench.as_ref().and_then(|bench| bench.records.as_ref());
     let in_file = in_file.map(|records| path.parent().unwrap_or_else(|| Path::new("")).join(records));
@@ -148,18 +157,9 @@ fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<B
     }
 }
 
-fn socket(bench: &BenchFile, sys: &Sys, findings: &mut Vec<Finding>) {
-    match &bench.socket {
-        Some(TestSocket::Rs422 { port, rate_bps }) => findings.extend(port::look(Path::new(port), *rate_bps, sys)),
-        Some(TestSocket::Can) => {}
-        None => findings.push(Finding::bad("the bench file names no port", "add [socket] with port and rate")),
-    }
-    if let Some(can) = &bench.can {
-        match CanTarget::parse(&can.port) {
-            CanTarget::Interface(name) => findings.extend(bus::look(&name, sys)),
-            CanTarget::Slcan(port) => findings.extend(port::look(&port, slcan::RATE_BAUD, sys)),
-            CanTarget::Memory(_) => {}
-        }
+fn socket(bench: &BenchFile, findings: &mut Vec<Finding>) {
+    if bench.socket.is_none() {
+        findings.push(Finding::bad("the bench file names no port", "add [socket] with port and rate"));
     }
     if bench.site.as_ref().is_none_or(|site| site.place.is_none()) {
         findings.push(Finding::warning(

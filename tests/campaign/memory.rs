@@ -257,8 +257,8 @@ impl<'a> World<'a> {
     fn answer(&mut self, question: OperatorQuestion, now: Duration) {
         self.bench.pass_time(now);
         let done = match question.ask {
-            Ask::Switches(on) => {
-                (1..=5).for_each(|number| self.bench.set_switch(number, Some(number) == on));
+            Ask::Switches(on) | Ask::SwitchesAgain { on, .. } => {
+                self.bench.only_switch(on);
                 true
             }
             Ask::Heading { deg } => {

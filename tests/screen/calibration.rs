@@ -117,19 +117,42 @@ fn a_module_is_laid_down_by_hand() {
     terminal.wait_for("by-hand 1");
     terminal.types(b"T-1\r");
     terminal.types(F5);
-    terminal.wait_for("Lay the module down: +X up, +Y to 0° clockwise from north.");
+    terminal.wait_for("Lay the module with +X up and +Y to 0 degrees, clockwise from");
     let drawn = terminal.text().chars().filter(|cell| ('\u{2801}'..='\u{28ff}').contains(cell)).count();
     assert!(drawn > 30, "no module is drawn:\n{}", terminal.text());
     terminal.types(b"\r");
-    terminal.wait_for("-X up, +Y to 0°");
+    terminal.wait_for("Lay the module with -X up");
     terminal.wait_for("Esc Not possible");
     terminal.types(ESC);
     terminal.wait_until("the end", |screen| {
         let text = screen.contents();
-        text.contains("the operator could not lay the module with -X up") && !text.contains("F8 Stop")
+        text.contains("the operator could not do this: Lay the module with -X up") && !text.contains("F8 Stop")
     });
     terminal.types(F10);
     let (status, restored) = terminal.end();
     assert!(restored && status.code() == Some(0), "{status}");
     assert_eq!(outcomes(&place), ["errored"]);
+
+    // The run goes on: the person learns what exists, and lays the module down for what is missing.
+    let broken = place.runs()[0].display().to_string();
+    let mut terminal = open(&place, &["--plan", "p.toml", "--resume", &broken], 80, 24);
+    terminal.wait_for("T-1: F5 resumes");
+    terminal.types(F5);
+    terminal.wait_for("capture the rest");
+    terminal.types(b"\r");
+    terminal.wait_for("Taken over from the interrupted run: x+. Still to capture: x-,");
+    terminal.wait_for("y+, y-, z+, z-. Lay the module with -X up and +Y to 0 degrees,");
+    terminal.types(b"\r");
+    terminal.wait_for("Lay the module with +Y up");
+    assert!(!terminal.text().contains("Taken over"), "it is said once:\n{}", terminal.text());
+    terminal.types(ESC);
+    terminal.wait_until("the end", |screen| !screen.contents().contains("F8 Stop"));
+    terminal.types(F10);
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(0), "{status}");
+    let runs = place.runs();
+    let new = runs.iter().find(|run| run.display().to_string() != broken).expect("a run of its own");
+    let captured = gnc_records::store::captures::read(&new.join("01-six-position/attempt-1.mcap")).expect("captures");
+    let labels: Vec<&str> = captured.captures.iter().map(|capture| capture.about.label.as_str()).collect();
+    assert_eq!(labels, ["x+", "x-"]);
 }

@@ -235,6 +235,7 @@ fn a_key_without_effect_is_refused() {
              [name a log of NMEA or UBX in the folder of this file]",
         ],
     );
+    refused("[operator]\nforgets_from = 2\n", &["2:1: forgets_from changes nothing alone [write forgets beside it]"]);
     refused("[gnss]\nplayback_hz = 2.0\n", &["2:1: playback_hz changes nothing alone [write playback beside it]"]);
 }
 
@@ -246,6 +247,9 @@ fn values_are_held_to_their_ranges() {
         &["2:28: response is nan, and must be -100 to 100"],
     );
     refused("[turntable]\nslew_s = 1e9\n", &["2:10: slew_s is 1e9, and must be 0 to 600"]);
+    refused("[turntable]\nramp_share = 0.6\n", &["2:14: ramp_share is 0.6, and must be 0.01 to 0.5"]);
+    refused("[operator]\nswitches_on = [6]\n", &["2:16: switches_on is 6, and must be 1 to 5"]);
+    refused("[operator]\nforgets = 0\n", &["2:11: forgets is 0, and must be 1 to 100"]);
     refused("[calibration]\nlost_bit = { byte = 300, bit = 0 }\n", &["2:21: byte is 300, and must be 0 to 299"]);
     refused(
         "[gyro]\ndrift_dph_per_h = [1, 2]\n",

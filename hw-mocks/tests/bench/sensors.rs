@@ -403,3 +403,18 @@ fn ad_reads_the_magnetometer_and_the_switches() {
     low.bench.set_switch(2, true);
     assert!((volts(&mut low)[4] - 2.9).abs() < 0.002);
 }
+
+/// An operator who forgets the second and third request leaves the switches as they were.
+#[test]
+fn an_operator_forgets_what_the_file_says() {
+    let set = |numbers: &[usize]| std::array::from_fn(|index| numbers.contains(&(index + 1)));
+    let mut host = Host::powered("[operator]\nswitches_on = [2, 5]\nforgets_from = 2\nforgets = 2\n");
+    assert_eq!(host.bench.truth().switches, set(&[2, 5]));
+    for (on, expected) in [(None, &[][..]), (Some(1), &[]), (Some(1), &[]), (Some(1), &[1]), (Some(4), &[4])] {
+        host.bench.only_switch(on);
+        assert_eq!(host.bench.truth().switches, set(expected), "{on:?}");
+    }
+    let mut careful = Host::powered("");
+    careful.bench.only_switch(Some(3));
+    assert_eq!(careful.bench.truth().switches, set(&[3]));
+}

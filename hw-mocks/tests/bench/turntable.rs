@@ -282,3 +282,23 @@ fn a_motion_begins_when_it_is_ordered() {
         TableModel { slew_s: 0.0, ..control.truth().unwrap().table.model }
     );
 }
+
+/// A turn by 1080 deg in 5 s has a mean rate of 216 deg/s. Ramps of a tenth each give a peak of 216 / 0.9, ramps of a half
+/// each one of 216 / 0.5.
+#[test]
+fn long_ramps_peak_higher() {
+    for (ramp, peak_dps) in [("", 240.0), ("ramp_share = 0.1\n", 240.0), ("ramp_share = 0.5\n", 432.0)] {
+        let mut host = Host::powered(&format!("{PERFECT}{ramp}"));
+        host.bench.rotate(1080.0, 5.0).unwrap();
+        let (mut highest_dps, until) = (0.0_f64, host.bench.bench_time_ns() + 6_000_000_000);
+        while host.bench.bench_time_ns() < until {
+            let (done, _slept) = std::sync::mpsc::channel();
+            host.bench.sleep(Duration::from_millis(5), done);
+            host.turn();
+            highest_dps = highest_dps.max(host.bench.truth().table.rate_dps);
+        }
+        let truth = host.bench.truth().table;
+        assert!((highest_dps - peak_dps).abs() < 1.0, "{ramp}: {highest_dps}");
+        assert!((truth.rotation_deg - 1080.0).abs() < 1e-9 && !truth.moving, "{truth:?}");
+    }
+}

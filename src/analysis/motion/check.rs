@@ -3,11 +3,8 @@
 use gnc_executive::plan::{Params, PlanItem};
 use gnc_executive::quantity::Unit;
 
-use super::{DisplayDuration, MotionStep, program};
+use super::{DisplayDuration, GYRO_RANGE_DPS, MotionStep, program};
 use crate::capture::Pose;
-
-/// Published range of the gyroscopes.
-const RANGE_DPS: f64 = 400.0;
 
 /// Returns the mistakes in the motion of an item, each with what to try.
 #[must_use]
@@ -63,10 +60,10 @@ fn too_fast(params: &Params) -> Option<(String, &'static str)> {
         return Some((what, "make the ramps shorter or the turn longer"));
     }
     let peak_dps = angle_deg / (span_s - ramp_s);
-    (peak_dps > RANGE_DPS).then(|| {
+    (peak_dps > GYRO_RANGE_DPS).then(|| {
         let what = format!(
             "{angle_deg:.0} deg in {span_s} s with ramps of {ramp_s} s go up to {angle_deg:.0} / ({span_s} - {ramp_s}) = \
-             {peak_dps:.0} deg/s, and the gyroscopes' range is {RANGE_DPS:.0} deg/s"
+             {peak_dps:.0} deg/s, and the gyroscopes' range is {GYRO_RANGE_DPS:.0} deg/s"
         );
         (what, "turn longer or by a smaller angle, or make the ramps shorter")
     })

@@ -129,7 +129,8 @@ fn turn(
     };
     let label = format!("{prefix}{}{sign} rotation", AXES[axis % 3]);
     let about = CaptureHead { label, series, pose, rate_hz: hertz(params, "turn_rate")? };
-    Ok(MotionStep::Turn { about, rest_s: seconds(params, "rest")?, uses: Uses::Gyro })
+    let (ramp_s, rest_s) = (seconds(params, "ramp")?, seconds(params, "rest")?);
+    Ok(MotionStep::Turn { about, ramp_s, rest_s, uses: Uses::Gyro })
 }
 
 /// Z up for the time that a parameter states.

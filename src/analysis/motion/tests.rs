@@ -189,6 +189,51 @@ fn only_what_is_used_may_not_saturate() {
     assert_eq!(look(Uses::Magnetometer, &sample, 9), Err((5, Spoilt::Saturated { channel: "mag_x".into() })));
 }
 
+/// Samples of a turn about -Z whose rate rises evenly to a peak, and of a sensor that ends at `end_dps`.
+fn rising(rate_hz: f64, to_dps: f64, span_s: f64, end_dps: f64) -> Vec<ImuSample> {
+    let steps = (span_s * rate_hz) as usize;
+    let rows = (0..steps + 40).map(|row| {
+        let rate_dps = to_dps * (row as f64 / steps as f64).min(1.0);
+        // 20,000 counts for 1 deg/s (interface document); a sensor at its end gives the end of the converter.
+        let code = if rate_dps >= end_dps { -SATURATION - 1 } else { -(rate_dps * 20_000.0) as i32 };
+        let gyro = [0, 0, code.max(-SATURATION - 1)];
+        ImuSample { gyro, accel: [0, 0, 160_000], ..ImuSample::default() }
+    });
+    rows.collect()
+}
+
+/// A table that peaks at 432 deg/s passes 400 deg/s on its way to the saturation at 419.43 deg/s. A sensor that ends at
+/// less jumps to the saturation from there, whatever the table does.
+#[test]
+fn a_table_that_is_too_fast_is_told_from_a_sensor_that_ends_too_early() {
+    for (rate_hz, span_s) in [(1000.0, 2.5), (1000.0, 0.3), (200.0, 2.5), (200.0, 0.5)] {
+        let look = |end_dps| {
+            let spoilt = Watch::new(Uses::Gyro, false, rate_hz as u16).look(&rising(rate_hz, 432.0, span_s, end_dps));
+            spoilt.expect_err("saturated").1
+        };
+        let Spoilt::TooFast { channel, last_dps, rise_dps } = look(419.43) else { panic!("{:?}", look(419.43)) };
+        let step_dps = 432.0 / span_s / rate_hz;
+        assert_eq!(channel, "gyro_z");
+        assert!(last_dps < -419.43 + step_dps + 0.1 && (rise_dps + step_dps).abs() < 0.01, "{last_dps} {rise_dps}");
+        for end_dps in [200.0, 300.0, 380.0] {
+            assert_eq!(look(end_dps), Spoilt::Saturated { channel: "gyro_z".into() }, "{end_dps} {rate_hz} {span_s}");
+        }
+    }
+}
+
+/// A failed read in the rise changes nothing, and a reading that jumps to the end from rest is the sensor's fault.
+#[test]
+fn a_rise_is_seen_past_a_failed_read() {
+    let mut samples = rising(1000.0, 432.0, 2.5, 419.43);
+    let last = samples.iter().position(|sample| sample.gyro[2] < -SATURATION).expect("saturated");
+    samples[last - 3].gyro[2] = 0;
+    let spoilt = Watch::new(Uses::Gyro, false, 1000).look(&samples).expect_err("saturated").1;
+    assert!(matches!(spoilt, Spoilt::TooFast { .. }), "{spoilt:?}");
+    let jump: Vec<ImuSample> = still(100).into_iter().chain(samples[last..].to_vec()).collect();
+    let spoilt = Watch::new(Uses::Gyro, false, 1000).look(&jump).expect_err("saturated").1;
+    assert_eq!(spoilt, Spoilt::Saturated { channel: "gyro_z".into() });
+}
+
 /// One read in 50 gives 0 in place of 1 g: a finding of the data gate, not a motion.
 #[test]
 fn failed_reads_are_no_motion() {
@@ -323,10 +368,55 @@ fn a_program_goes_on_where_it_broke_off() {
     assert_eq!(left(&six, &["x+", "x-", "y+", "y-", "z+", "z-"]).last().unwrap(), "take z-");
     let turns = of(ItemId::Rotation, "");
     let rest = left(&turns, &["x+ rotation", "x- rotation", "y+ rotation"]);
-    assert_eq!(rest[2..], ["lay +Y", "take y+ rotation", "y- rotation", "lay +Z", "z+ rotation", "z- rotation"]);
+    assert_eq!(rest[2..], ["take y+ rotation", "lay +Y", "y- rotation", "lay +Z", "z+ rotation", "z- rotation"]);
     let runs = of(ItemId::BiasRepeatability, "runs = 3");
     assert_eq!(left(&runs, &["run 1"]), ["take run 1", "lay +Z", "cycle", "run 2", "cycle", "run 3"]);
     let whole = of(ItemId::ScaleFactorRepeatability, "calibrations = 2, sensors = [\"accel\"]");
     let rest = left(&whole, &["calibration 1 x+", "calibration 1 x-"]);
     assert_eq!(rest[..3], ["cycle", "lay +X", "calibration 1 x+"], "a power-on belongs to one series");
+    let first: Vec<String> = ["x+", "x-", "y+", "y-", "z+", "z-"].map(|label| format!("calibration 1 {label}")).into();
+    let first: Vec<&str> = first.iter().map(String::as_str).chain(["calibration 2 x+"]).collect();
+    assert_eq!(left(&whole, &first)[6..9], ["cycle", "lay +X", "calibration 2 x+"], "nobody lays it as it lay last");
+}
+
+/// By hand: no spin, stop or pause is asked for whose capture exists.
+#[test]
+fn motions_that_were_captured_are_left_out() {
+    let left = |program: &MotionProgram, labels: &[&str]| -> Vec<String> {
+        let actions = program.after(|about| labels.contains(&about.label.as_str()));
+        let word = |action: &ResumeAction| match (action, action.step()) {
+            (ResumeAction::Take(step), _) => format!("take {}", step.about().unwrap().label),
+            (_, MotionStep::Lay(_)) => "lay".to_owned(),
+            (_, MotionStep::Settle { .. }) => "settle".to_owned(),
+            (_, MotionStep::Spin { rate_dps }) => format!("spin {rate_dps:+.0}"),
+            (_, MotionStep::Stop) => "stop".to_owned(),
+            (_, step) => step.about().unwrap().label.clone(),
+        };
+        actions.iter().map(word).collect()
+    };
+    let spins =
+        of(ItemId::MagnetometerEllipse, "spin = \"3600 deg/s\", slow_spin = \"36 deg/s\", senses = [\"+\", \"-\"]");
+    let all = left(&spins, &[]);
+    assert_eq!(all[..5], ["lay", "spin +3600", "settle", "spin +", "stop"], "nothing is there");
+    assert_eq!(
+        left(&spins, &["spin +", "spin -", "slow spin +"]),
+        ["take spin +", "take spin -", "take slow spin +", "lay", "spin -36", "settle", "slow spin -", "stop"]
+    );
+    // The third one is damaged: the table spins for it alone.
+    assert_eq!(
+        left(&spins, &["spin +", "spin -", "slow spin -"]),
+        ["take spin +", "take spin -", "lay", "spin +36", "settle", "slow spin +", "take slow spin -", "stop"]
+    );
+    let steps = of(ItemId::Resolution, "sensors = [\"gyro\"], gyro_cycles = 2");
+    let labels = labels(&steps);
+    let had: Vec<&str> = labels[..2].iter().map(String::as_str).collect();
+    let rest = left(&steps, &had);
+    assert_eq!(rest[..5], [&*format!("take {}", had[0]), &*format!("take {}", had[1]), "lay", "settle", &*labels[2]]);
+    let turns = of(ItemId::Rotation, "");
+    assert_eq!(left(&turns, &["x+ rotation"])[..4], ["take x+ rotation", "lay", "settle", "x- rotation"]);
+    // Every program is whole where nothing was captured.
+    for (program, had) in [(&spins, "no"), (&steps, "no"), (&turns, "no")] {
+        let whole: Vec<_> = program.steps.iter().map(ResumeAction::Do).collect();
+        assert_eq!(program.after(|about| about.label == had), whole);
+    }
 }

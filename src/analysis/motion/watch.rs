@@ -2,9 +2,11 @@
 //!
 //! Nominal scale is enough here, since the watch looks for a hand on the table, not for a bias.
 
+use std::collections::VecDeque;
+
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, ImuSample, SATURATION};
 
-use super::Uses;
+use super::{GYRO_RANGE_DPS, Uses};
 
 /// Time of each mean that is compared with the first one.
 const BLOCK_S: f64 = 1.0;
@@ -20,6 +22,11 @@ const LASTING: usize = 6;
 /// A sample is far from the level if it departs by more than this many times the limit of a mean. Nearer samples may
 /// stay in the mean: one in ten of them does not move it beyond its limit.
 const FAR: f64 = 10.0;
+/// Readings before a saturation that show how the rate rose to it. At 200 Hz this is 50 ms, in which the acceleration of a
+/// table hardly changes.
+const ON_THE_WAY: usize = 10;
+/// Fewest of them that show a rise.
+const RISE: usize = 3;
 /// A mean force that departs by more than this is motion: 10 mg are a tilt of 0.6 degrees.
 const FORCE_G: f64 = 0.01;
 
@@ -33,6 +40,19 @@ pub enum Spoilt {
         channel: String,
         /// Size of the departure, with its unit.
         by: String,
+    },
+    /// The table went beyond the range of the gyroscopes, and took them out of their range.
+    #[error(
+        "the table turned faster than {GYRO_RANGE_DPS:.0} deg/s: {channel} rose to {last_dps:.1} deg/s, by {rise_dps:.2} deg/s from \
+         sample to sample, and then saturated"
+    )]
+    TooFast {
+        /// The channel.
+        channel: String,
+        /// Its last reading before it saturated.
+        last_dps: f64,
+        /// Its change from sample to sample on the way there.
+        rise_dps: f64,
     },
     /// A channel that counts is out of its range.
     #[error("{channel} is saturated")]
@@ -53,6 +73,8 @@ pub struct Watch {
     values: [Vec<i32>; 6],
     /// Consecutive samples at the end of the range, by channel of the triads that count.
     at_end: [usize; 6],
+    /// The newest readings of the gyroscopes within the range.
+    on_the_way: [VecDeque<i32>; 3],
 }
 
 impl Watch {
@@ -60,7 +82,14 @@ impl Watch {
     #[must_use]
     pub fn new(uses: Uses, still: bool, rate_hz: u16) -> Self {
         let samples = (BLOCK_S * f64::from(rate_hz)).round().max(BLOCK_SAMPLES) as u32;
-        Self { uses, block: still.then_some(samples), first: None, values: Default::default(), at_end: [0; 6] }
+        Self {
+            uses,
+            block: still.then_some(samples),
+            first: None,
+            values: Default::default(),
+            at_end: [0; 6],
+            on_the_way: Default::default(),
+        }
     }
 
     /// Looks at the next samples.
@@ -84,10 +113,22 @@ impl Watch {
         for (sensor, counts) in used {
             let first = if *sensor == "accel" { 3 } else { 0 };
             for (axis, count) in counts.iter().enumerate() {
+                let is_at_end = *count >= SATURATION || *count < -SATURATION;
                 let row = &mut self.at_end[first + axis];
-                *row = if *count >= SATURATION || *count < -SATURATION { *row + 1 } else { 0 };
-                if *row >= LASTING {
-                    return Err(Spoilt::Saturated { channel: channel(sensor, axis) });
+                *row = if is_at_end { *row + 1 } else { 0 };
+                let is_gyro = *sensor == "gyro";
+                if is_gyro && !is_at_end {
+                    let readings = &mut self.on_the_way[axis];
+                    readings.truncate(ON_THE_WAY - 1);
+                    readings.push_front(*count);
+                }
+                if self.at_end[first + axis] >= LASTING {
+                    let channel = channel(sensor, axis);
+                    let too_fast = is_gyro.then(|| too_fast(&self.on_the_way[axis])).flatten();
+                    return Err(match too_fast {
+                        Some((last_dps, rise_dps)) => Spoilt::TooFast { channel, last_dps, rise_dps },
+                        None => Spoilt::Saturated { channel },
+                    });
                 }
             }
         }
@@ -118,6 +159,28 @@ impl Watch {
         }
         Ok(())
     }
+}
+
+/// Whether the readings before a saturation, newest first, show that the rate went beyond the published range: a line
+/// through them reaches it no later than at the first saturated sample. Returns the last reading and the rise from
+/// sample to sample. A sensor that ends below its range jumps to the end from a lower rate.
+fn too_fast(readings: &VecDeque<i32>) -> Option<(f64, f64)> {
+    if readings.len() < RISE {
+        return None;
+    }
+    let rates: Vec<f64> = readings.iter().map(|count| f64::from(*count) / GYRO_LSB_PER_DPS).collect();
+    // Medians (Theil and Sen), so that a failed read among the readings changes nothing.
+    let pairs = rates.iter().enumerate().flat_map(|(age, rate)| {
+        rates[age + 1..].iter().enumerate().map(move |(more, older)| (rate - older) / (more + 1) as f64)
+    });
+    let rise_dps = median(pairs.collect());
+    let next_dps = median(rates.iter().enumerate().map(|(age, rate)| rate + rise_dps * (age + 1) as f64).collect());
+    (next_dps.abs() >= GYRO_RANGE_DPS).then_some((rates[0], rise_dps))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
 /// What a channel measures.

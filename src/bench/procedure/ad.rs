@@ -1,14 +1,14 @@
 //! AD channels 4-8 through their DIP switches, and the magnetometer on channels 1-3.
 
-use gnc_executive::catalogue::sensors::{CROSSTALK, MAG_SPAN, MAG_Z, SWITCHED};
+mod switches;
+
+use gnc_executive::catalogue::sensors::{MAG_SPAN, MAG_Z};
 use gnc_executive::plan::Params;
 use gnc_executive::quantity::Unit;
 use gnc_protocol::message::AdRead;
 
 use super::{ProcedureContext, ProcedureError, Recorder};
 
-/// Channels behind DIP switches 1 to 5.
-const CHANNELS: std::ops::RangeInclusive<u8> = 4..=8;
 /// Output of the analogue magnetometer without a field, and its change for each gauss.
 const MAG_ZERO_V: f64 = gnc_protocol::analogue::MAG_ZERO_V;
 const MAG_V_PER_GAUSS: f64 = gnc_protocol::analogue::MAG_V_PER_GAUSS;
@@ -19,27 +19,8 @@ pub(super) async fn run(
     recorder: &Recorder<'_>,
 ) -> Result<(), ProcedureError> {
     let samples = u16::try_from(params.integer("samples")?).unwrap_or(u16::MAX);
-    switches(bench, samples, recorder).await?;
+    switches::run(bench, samples, recorder).await?;
     magnetometer(bench, samples, params.integer("headings")?, recorder).await
-}
-
-/// Switches one channel on at a time: its reading must follow, and no other reading may move.
-async fn switches(bench: &ProcedureContext<'_>, samples: u16, recorder: &Recorder<'_>) -> Result<(), ProcedureError> {
-    bench.fixture.only_switch(None, recorder).await?;
-    let off = read(bench, samples).await?;
-    let mut crosstalk_v: f64 = 0.0;
-    for (channel, of_channel) in CHANNELS.zip(&SWITCHED) {
-        bench.fixture.only_switch(Some(channel - 3), recorder).await?;
-        let on = read(bench, samples).await?;
-        let index = usize::from(channel - 1);
-        recorder.number(&of_channel.on, on[index], Unit::Volt).await?;
-        recorder.number(&of_channel.off, off[index], Unit::Volt).await?;
-        for other in CHANNELS.filter(|other| *other != channel).map(|other| usize::from(other - 1)) {
-            crosstalk_v = crosstalk_v.max((on[other] - off[other]).abs());
-        }
-    }
-    bench.fixture.only_switch(None, recorder).await?;
-    Ok(recorder.number(&CROSSTALK, crosstalk_v * 1e3, Unit::Millivolt).await?)
 }
 
 /// The horizontal field turns once round the module, so that X and Y sweep twice its strength and Z stays.

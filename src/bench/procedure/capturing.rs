@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 use gnc_analysis::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
-use gnc_analysis::motion::{Count, MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses};
+use gnc_analysis::motion::{MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses};
 use gnc_board::stream::{Closed, SampleFrame, Stream};
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
@@ -21,6 +21,7 @@ use gnc_records::store::RawFile;
 use super::sampling::{ClockWatch, samples_per_frame};
 use super::start::{Start, first_identity};
 use super::{ProcedureContext, ProcedureError, Recorder};
+use crate::fixture::TakenOver;
 use crate::guidance::Course;
 use crate::turntable::{self, Turntable};
 
@@ -58,10 +59,7 @@ pub(super) async fn run(
         // The next item lays the module down. The error that ended this item counts, not a failure to stop the table.
         let _ = table.stop().await;
     }
-    let over = followed?;
-    if over > 0 {
-        recorder.note(&format!("taken over from the interrupted run: {}", Count(over, "capture"))).await?;
-    }
+    followed?;
     capture.course.works_out();
     capture.raw.finish().await?;
     Ok(capture.captures)
@@ -91,26 +89,30 @@ struct ProgramCapture<'a> {
 }
 
 impl ProgramCapture<'_> {
-    /// Carries out the steps that the interrupted run has not; returns how many captures it had.
-    async fn follow(&mut self, program: &MotionProgram, mut taken: Vec<Capture>) -> Result<usize, ProcedureError> {
-        let mut over = 0;
-        for action in program.after(|about| taken.iter().any(|capture| capture.about == *about)) {
+    /// Carries out the steps that the interrupted run has not. Says first what is taken over, and then asks for motions.
+    async fn follow(&mut self, program: &MotionProgram, mut taken: Vec<Capture>) -> Result<(), ProcedureError> {
+        let actions = program.after(|about| taken.iter().any(|capture| capture.about == *about));
+        let left_s: f64 = actions.iter().map(|action| action.step().span_s()).sum();
+        self.course.passes_over(program.span_s() - left_s);
+        let over = TakenOver::of(&actions);
+        if !over.taken.is_empty() {
+            self.recorder.note(&over.to_string()).await?;
+            self.table.taken_over(over);
+        }
+        for action in actions {
             match action {
                 ResumeAction::Do(step) => self.carry_out(step).await?,
                 ResumeAction::Take(step) => {
                     let place = taken.iter().position(|capture| step.about() == Some(&capture.about));
                     match place {
-                        Some(place) => {
-                            self.take_over(taken.swap_remove(place)).await?;
-                            over += 1;
-                        }
+                        Some(place) => self.take_over(taken.swap_remove(place)).await?,
                         None => self.carry_out(step).await?,
                     }
                 }
             }
             self.course.ended(action.step());
         }
-        Ok(over)
+        Ok(())
     }
 
     async fn carry_out(&mut self, step: &MotionStep) -> Result<(), ProcedureError> {
@@ -131,10 +133,10 @@ impl ProgramCapture<'_> {
                 let wanted = (span_s * f64::from(about.rate_hz)).round().max(1.0) as u32;
                 self.capture(about, *uses, Until::Count(wanted)).await
             }
-            MotionStep::Turn { about, rest_s, uses } => {
+            MotionStep::Turn { about, ramp_s, rest_s, uses } => {
                 let rest = |span_s: f64| (span_s * f64::from(about.rate_hz)).ceil() as usize;
                 let (before, after) = (rest(REST_BEFORE_S), rest(*rest_s));
-                self.capture(about, *uses, Until::Turned { before, after }).await
+                self.capture(about, *uses, Until::Turned { ramp_s: *ramp_s, before, after }).await
             }
             MotionStep::PowerCycle { off_s } => power_cycle(self.bench, self.recorder, self.table, *off_s).await,
             MotionStep::Receiver { about, timeout_s, span_s } => {
@@ -220,14 +222,14 @@ impl ProgramCapture<'_> {
     ) -> Result<(), ProcedureError> {
         let rate_hz = buffer.about.rate_hz;
         let table = self.table;
-        let (before, after) = match until {
+        let (ramp_s, before, after) = match until {
             Until::Count(count) => {
                 while buffer.samples.len() < count as usize {
                     self.frame(buffer, stream, count).await?;
                 }
                 return Ok(());
             }
-            Until::Turned { before, after } => (before, after),
+            Until::Turned { ramp_s, before, after } => (ramp_s, before, after),
         };
         let Pose::Rotating { axis, angle_deg, span_s, .. } = buffer.about.pose else { return Ok(()) };
         while buffer.samples.len() < before {
@@ -237,7 +239,7 @@ impl ProgramCapture<'_> {
         // The samples come later than the motion, so they show when it is over; but they do not show it before the
         // table does.
         let longest = ((span_s * LONGEST_TURN + SLACK_S) * f64::from(rate_hz)) as usize;
-        let turn = table.rotate(angle_deg, span_s);
+        let turn = table.rotate(angle_deg, span_s, ramp_s);
         tokio::pin!(turn);
         self.moving = true;
         let mut done_at = None;
@@ -351,8 +353,8 @@ pub(super) async fn power_cycle(
 enum Until {
     /// So many samples.
     Count(u32),
-    /// So many samples of stillness, a turn, and so many again.
-    Turned { before: usize, after: usize },
+    /// So many samples of stillness, a turn with ramps of this time, and so many samples again.
+    Turned { ramp_s: f64, before: usize, after: usize },
 }
 
 /// The samples of the current capture so far.

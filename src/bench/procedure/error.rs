@@ -11,7 +11,7 @@ use gnc_protocol::stream::Losses;
 use gnc_records::resume::ResumeError;
 use gnc_records::store::StoreError;
 
-use crate::fixture::FixtureError;
+use crate::fixture::{FixtureError, SwitchReading};
 use crate::recorder::ReadBackError;
 
 /// Why a procedure did not finish.
@@ -73,6 +73,14 @@ pub(crate) enum ProcedureError {
         /// What is wrong.
         #[source]
         spoilt: Spoilt,
+    },
+    /// Nobody moved the DIP switches, although they were asked for several times.
+    #[error("the switches were not moved: asked {asked} times. {}", sentences(still))]
+    SwitchesNotMoved {
+        /// Times that the same was asked for.
+        asked: u32,
+        /// The switches that do not read as they were asked for.
+        still: Vec<SwitchReading>,
     },
     /// The turn was not the one that was asked for.
     #[error("capture `{label}`: the module turned by {seen_deg:.0} deg instead of {wanted_deg:.0} deg")]
@@ -222,6 +230,12 @@ impl ProcedureError {
             Self::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => {
                 "keep magnets away; if there is no magnet, the sensor does not reach its published range"
             }
+            Self::Spoilt { spoilt: Spoilt::TooFast { .. }, .. } => {
+                "turn the table with the ramps that were asked for, at no time faster than 400 deg/s; run the item again"
+            }
+            Self::SwitchesNotMoved { .. } => {
+                "set the switches as the station asks, and press Enter after that; run the item again"
+            }
             Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
             Self::Figure(error) => error.try_this(),
             Self::Resume(error) => error.try_this(),
@@ -263,6 +277,11 @@ impl ProcedureError {
 
 /// Share of the bus above which other frames are the first thing to look at.
 const BUSY_PERCENT: f64 = 30.0;
+
+fn sentences(still: &[SwitchReading]) -> String {
+    let sentences: Vec<String> = still.iter().map(ToString::to_string).collect();
+    sentences.join(" ").trim_end_matches('.').to_owned()
+}
 
 fn beside(others: u64, busy_percent: f64, span_s: f64) -> String {
     if others == 0 {

@@ -44,7 +44,8 @@ pub(super) fn judge(
         ProcedureError::Board(BoardError::Fault {
             code: FaultCode::DeviceFault | FaultCode::DeviceTimeout, ..
         }) => Outcome::Failed,
-        // The plan was checked: no motion asks for more than the published range.
+        // The plan was checked: no motion asks for more than the published range. A table that went beyond it shows that
+        // in the samples, and is `TooFast`.
         ProcedureError::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => Outcome::Failed,
         _ => Outcome::Errored,
     };

@@ -45,7 +45,7 @@ impl Turntable for Driven {
         })
     }
 
-    fn rotate(&self, angle_deg: f64, span_s: f64) -> TurntableMotion<'_> {
+    fn rotate(&self, angle_deg: f64, span_s: f64, _: f64) -> TurntableMotion<'_> {
         self.moved("turn the module", move |rig| rig.rotate(angle_deg, span_s), |rig| rig.wait_still())
     }
 

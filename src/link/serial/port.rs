@@ -49,6 +49,8 @@ pub(crate) struct Port {
     pub(crate) incoming: BytesMut,
     /// Bytes to send; the code that fills the buffer bounds it.
     pub(crate) outgoing: BytesMut,
+    /// Bytes that have come so far.
+    pub(crate) came: u64,
 }
 
 #[derive(Debug)]
@@ -84,7 +86,7 @@ impl Port {
     pub(crate) fn open(place: PortLocation) -> Result<Self, OpenError> {
         let state = place.open(None)?;
         let (incoming, outgoing) = (BytesMut::with_capacity(READ_AT_ONCE), BytesMut::new());
-        Ok(Self { place, state, incoming, outgoing })
+        Ok(Self { place, state, incoming, outgoing, came: 0 })
     }
 
     pub(crate) fn rate_baud(&self) -> u32 {
@@ -130,7 +132,8 @@ impl Port {
             };
             match moved {
                 Moved::Written(Ok(1..)) => return Ok(PortEvent::Written),
-                Moved::Read(Ok(1..)) => {
+                Moved::Read(Ok(count @ 1..)) => {
+                    self.came += count as u64;
                     self.heard();
                     return Ok(PortEvent::Read);
                 }

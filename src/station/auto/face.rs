@@ -115,7 +115,7 @@ impl Writer {
                 ));
             }
             EventKind::Prompted { text, .. } if !self.answered_by_itself() => {
-                self.say(&format!(">> please {}, then press Enter (n and Enter: not possible)", printable(text)));
+                self.say(&format!(">> {} (n and Enter: not possible)", printable(text)));
             }
             EventKind::ItemEnded { item, .. } => {
                 if let Some(row) = self.state.row(item) {

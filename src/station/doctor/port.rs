@@ -42,6 +42,11 @@ fn opened(port: &Path, rate_baud: u32) -> Finding {
     }
 }
 
+/// Whether another program has locked the port, as a run of the station does.
+pub(super) fn is_busy(port: &Path, rate_baud: u32) -> bool {
+    matches!(serial::try_open(port, rate_baud), Err(OpenError::Busy { .. }))
+}
+
 fn latency(port: &Path, sys: &Sys) -> Option<Finding> {
     let name = std::fs::canonicalize(port).ok()?;
     let name = name.file_name()?.to_str()?.to_owned();

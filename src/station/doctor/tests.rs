@@ -1,5 +1,8 @@
 //! Findings about a faulty bench, with folders in place of the kernel's.
 
+mod asking;
+mod others;
+
 use std::fs;
 use std::path::Path;
 
@@ -114,8 +117,8 @@ fn a_bench_file_with_mistakes_is_bad_and_one_that_is_missing_a_warning() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("bench.toml");
     fs::write(&file, "[station]\nname = 1\n").expect("a file");
-    let found = look(Some(&file), Some(folder.path()), &Sys::default());
+    let found = look(Some(&file), Some(folder.path()), &Sys::default(), &Proc::default());
     assert_eq!(found[0].health, Health::Bad, "{}", found[0]);
-    let found = look(Some(&folder.path().join("none.toml")), Some(folder.path()), &Sys::default());
+    let found = look(Some(&folder.path().join("none.toml")), Some(folder.path()), &Sys::default(), &Proc::default());
     assert_eq!(found[0].health, Health::Bad, "a file that was named must be there: {}", found[0]);
 }

@@ -1,6 +1,7 @@
 //! The texts of the screen in each language. Each language is one value of [`Texts`], so that the compiler finds a
 //! missing text.
 
+mod ask;
 mod en;
 mod motion;
 mod ru;
@@ -12,7 +13,6 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
-use gnc_executive::text::duration;
 
 use super::keymap::KeyAction;
 pub use crate::args::Lang;
@@ -169,9 +169,6 @@ pub(crate) struct Texts {
     pub on_no: &'static str,
     pub on: &'static str,
     pub off: &'static str,
-    pub switch_all_off: &'static str,
-    pub switch_one_on: &'static str,
-    pub turn_to: &'static str,
     // Setup.
     pub setup_plan: &'static str,
     pub setup_bench: &'static str,
@@ -225,10 +222,6 @@ pub(crate) struct Texts {
     pub lie_any: &'static str,
     pub turns: &'static str,
     pub spins: &'static str,
-    pub ask_lay: &'static str,
-    pub ask_turn: &'static str,
-    pub ask_spin: &'static str,
-    pub ask_stop: &'static str,
     pub north: &'static str,
     pub raw: &'static str,
     pub corrected: &'static str,
@@ -262,6 +255,8 @@ pub(crate) struct Texts {
     pub too_many_runs: &'static str,
     pub enter_opens: &'static str,
     // Texts that depend on a value.
+    /// The request to the operator in words.
+    pub ask: fn(&Ask) -> String,
     pub key: fn(KeyAction) -> KeyText,
     pub outcome_word: fn(Outcome) -> &'static str,
     /// At most six capital letters, drawn as large as the screen allows. Only letters of [`super::view::big`].
@@ -271,24 +266,6 @@ pub(crate) struct Texts {
     pub cause: fn(&Cause) -> String,
     /// The sentence of the catalogue in this language.
     pub look_at_sentence: fn(&'static str) -> &'static str,
-}
-
-impl Texts {
-    /// The request to the operator in words.
-    pub(crate) fn ask(&self, ask: &Ask) -> String {
-        match ask {
-            Ask::Switches(None) => self.switch_all_off.to_owned(),
-            Ask::Switches(Some(number)) => fill(self.switch_one_on, &[&number.to_string()]),
-            Ask::Heading { deg } => fill(self.turn_to, &[&format!("{deg:.0}")]),
-            Ask::Lay(orientation) => fill(self.ask_lay, &[&self.orientation(orientation)]),
-            Ask::Turn { angle_deg, span_s, .. } => {
-                fill(self.ask_turn, &[&format!("{angle_deg:+.0}"), &duration(*span_s)])
-            }
-            Ask::Spin { rate_dps, .. } => fill(self.ask_spin, &[&format!("{rate_dps:+.0}")]),
-            Ask::StopTable => self.ask_stop.to_owned(),
-            Ask::Words(words) => gnc_text::printable(words).into_owned(),
-        }
-    }
 }
 
 /// The text with each `{}` replaced by the next part.

@@ -5,7 +5,7 @@ mod start;
 
 use std::time::Duration;
 
-use gnc_bench::fixture::Ask;
+use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
@@ -188,10 +188,16 @@ fn prompt() {
         scene.pass_time(Duration::from_secs(12));
     };
     check("prompt-switch", |scene| ask(scene, Ask::Switches(Some(3))));
+    let still =
+        vec![SwitchReading { switch: 2, on: true, volt: 3.306 }, SwitchReading { switch: 3, on: false, volt: 2.008 }];
+    check("prompt-switch-again", |scene| ask(scene, Ask::SwitchesAgain { on: Some(3), still: still.clone() }));
     check("prompt-turn", |scene| ask(scene, Ask::Heading { deg: 120.0 }));
     let orientation = Orientation::Axis { axis: 2, positive: false, along: Along::Up, heading_deg: 90.0 };
     check("prompt-lay", |scene| ask(scene, Ask::Lay(orientation)));
-    let turned = Ask::Turn { orientation: Some(orientation), angle_deg: -1080.0, span_s: 5.0 };
+    let over = TakenOver { taken: vec!["x+".into(), "x-".into()], left: vec!["y+".into(), "y-".into()] };
+    let resumed = Ask::Resumed { over, next: Box::new(Ask::Lay(orientation)) };
+    check("prompt-resumed", |scene| ask(scene, resumed.clone()));
+    let turned = Ask::Turn { orientation: Some(orientation), angle_deg: -1080.0, span_s: 5.0, ramp_s: 0.5 };
     check("prompt-table", |scene| ask(scene, turned.clone()));
     let north = Orientation::Axis { axis: 2, positive: true, along: Along::North, heading_deg: 0.0 };
     check("prompt-spin", |scene| ask(scene, Ask::Spin { orientation: Some(north), rate_dps: 5400.0 }));

@@ -8,6 +8,7 @@ use gnc_bench::control::RunControl;
 use gnc_bench::fixture::Fixture;
 use gnc_bench::runner::{Ending, Live};
 use gnc_bench::service::{self, CheckedPlan, Equipment, Observer, Rounds, RunRequest, RunsDone, ServiceError};
+use gnc_executive::bench::BenchFile;
 use gnc_executive::event::{BenchInfo, Event, ProgramVersion};
 use gnc_executive::job::BenchAbilities;
 use gnc_executive::outcome::Outcome;
@@ -68,6 +69,7 @@ pub(crate) fn serve(
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
         let bench = RunningBench::start(options).expect("a simulated bench");
+        let file = BenchFile::read("bench.toml", hw_mocks::BENCH_FILE.into()).expect("the bench's file");
         let records = tempfile::tempdir().expect("a folder");
         let equipment = Equipment {
             station: "test".to_owned(),
@@ -78,7 +80,7 @@ pub(crate) fn serve(
             can: None,
             abilities: BenchAbilities { rs422: true, can: false, operator: true },
             fixture: Fixture::Driven(Arc::new(bench.control())),
-            site: None,
+            site: file.site,
         };
         let done = service::run(request, equipment, control, &Live::default(), &mut observer).await;
         assert!(!bench.control().truth().expect("a bench").powered, "the module is left under power");

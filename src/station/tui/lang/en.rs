@@ -1,5 +1,6 @@
 //! English.
 
+use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
@@ -114,9 +115,6 @@ pub(super) static TEXTS: Texts = Texts {
     on_no: "If it is not possible, {} ends as errored and the run goes on.",
     on: "ON",
     off: "OFF",
-    switch_all_off: "Set all five DIP switches to OFF.",
-    switch_one_on: "Set DIP switch {} to ON and the other four to OFF.",
-    turn_to: "Turn the module on the table to {} degrees. Keep it level.",
     setup_plan: "Plan",
     setup_bench: "Bench",
     setup_operator: "Operator",
@@ -167,10 +165,6 @@ pub(super) static TEXTS: Texts = Texts {
     lie_any: "({}) up, heading {}°",
     turns: "turns by {}° about {} in {}",
     spins: "spins at {} deg/s about {}",
-    ask_lay: "Lay the module down: {}. Press Done when it lies still.",
-    ask_turn: "Turn the table by {}° in the direction of the arrow, in {} with its ramps. Press Done when it stands still.",
-    ask_spin: "Spin the table at {} deg/s in the direction of the arrow. Press Done when it has reached that rate.",
-    ask_stop: "Stop the table. Press Done when it stands still.",
     north: "N",
     raw: "raw",
     corrected: "corrected",
@@ -202,6 +196,7 @@ pub(super) static TEXTS: Texts = Texts {
     start_time: "Start",
     too_many_runs: "only the newest {} runs of this day are shown",
     enter_opens: "Enter opens",
+    ask,
     key,
     outcome_word,
     verdict,
@@ -210,6 +205,10 @@ pub(super) static TEXTS: Texts = Texts {
     cause: |cause: &Cause| cause.to_string(),
     look_at_sentence: |sentence| sentence,
 };
+
+fn ask(ask: &Ask) -> String {
+    gnc_text::printable(&ask.to_string()).into_owned()
+}
 
 fn key(action: KeyAction) -> KeyText {
     let (short, long) = match action {

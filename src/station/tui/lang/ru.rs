@@ -1,8 +1,10 @@
 //! Russian.
 
+use gnc_bench::fixture::Ask;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 
+use super::ask::AskTexts;
 use super::ru_catalogue::{item_title, look_at_sentence};
 use super::{KeyText, Texts, fill};
 use crate::tui::keymap::KeyAction;
@@ -114,9 +116,6 @@ pub(super) static TEXTS: Texts = Texts {
     on_no: "Если это невозможно, {} получит сбой, прогон продолжится.",
     on: "ВКЛ",
     off: "ВЫКЛ",
-    switch_all_off: "Поставьте все пять DIP-переключателей в OFF (ВЫКЛ).",
-    switch_one_on: "Поставьте DIP-переключатель {} в ON (ВКЛ), остальные четыре в OFF (ВЫКЛ).",
-    turn_to: "Поверните модуль на столе до {} градусов, не наклоняя его.",
     setup_plan: "План",
     setup_bench: "Стенд",
     setup_operator: "Оператор",
@@ -167,10 +166,6 @@ pub(super) static TEXTS: Texts = Texts {
     lie_any: "({}) вверх, азимут {}°",
     turns: "поворот на {}° вокруг {} за {}",
     spins: "вращение {} deg/s вокруг {}",
-    ask_lay: "Положите модуль: {}. Нажмите «Сделано», когда он неподвижен.",
-    ask_turn: "Поверните стол по стрелке на {}° за {} вместе с разгоном. Нажмите «Сделано», когда он остановится.",
-    ask_spin: "Раскрутите стол по стрелке до {} deg/s. Нажмите «Сделано», когда скорость достигнута.",
-    ask_stop: "Остановите стол. Нажмите «Сделано», когда он стоит.",
     north: "С",
     raw: "исходное",
     corrected: "исправленное",
@@ -202,6 +197,7 @@ pub(super) static TEXTS: Texts = Texts {
     start_time: "Начало",
     too_many_runs: "показаны только новейшие {} прогонов этого дня",
     enter_opens: "Enter открывает",
+    ask,
     key,
     outcome_word,
     verdict,
@@ -210,6 +206,32 @@ pub(super) static TEXTS: Texts = Texts {
     cause,
     look_at_sentence,
 };
+
+static ASK: AskTexts = AskTexts {
+    switch_all_off: "Поставьте все пять DIP-переключателей в OFF (ВЫКЛ).",
+    switch_one_on: "Поставьте DIP-переключатель {} в ON (ВКЛ), остальные четыре в OFF (ВЫКЛ).",
+    switch_still_on: "DIP-переключатель {} всё ещё читается как ON ({} V).",
+    switch_still_off: "DIP-переключатель {} всё ещё читается как OFF ({} V).",
+    heading: "Поверните модуль на столе до {} градусов, не наклоняя его.",
+    lay: "Положите модуль: {}.",
+    turn: "Поверните стол его контроллером на {} градусов{}: за {} s разгон до {} deg/s ({} deg/s^2), ровно, за {} s \
+           торможение до покоя, всего {} s. Ни в один момент не быстрее {} deg/s.",
+    spin: "Раскрутите стол его контроллером до {} deg/s{}: разгон любой, но не быстрее этой скорости.",
+    about: " вокруг +{} модуля по правилу правой руки",
+    stop: "Остановите стол.",
+    taken_over: "Взято из прерванного прогона: {}.",
+    left: "Осталось снять: {}.",
+    enter_done: "Нажмите Enter, когда это сделано.",
+    enter_lies: "Нажмите Enter, когда он неподвижен.",
+    enter_turned: "Нажмите Enter, когда он снова стоит.",
+    enter_at_rate: "Нажмите Enter, когда скорость достигнута.",
+    enter_still: "Нажмите Enter, когда он стоит.",
+    between: " ",
+};
+
+fn ask(ask: &Ask) -> String {
+    ASK.words(&TEXTS, ask)
+}
 
 fn key(action: KeyAction) -> KeyText {
     let (short, long) = match action {

@@ -1,5 +1,8 @@
 use std::collections::BTreeSet;
 
+use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
+use gnc_rig::{Along, Orientation};
+
 use super::*;
 use crate::tui::keymap::{BINDINGS, KeyContext, bindings, name};
 use crate::tui::view::text_width;
@@ -58,6 +61,44 @@ fn nothing_is_left_in_english() {
                 assert!(own(lang, sentence), "{lang:?} of {item}: {sentence}");
             }
         }
+    }
+}
+
+/// Every request says the same in every language: all its numbers, and Enter. In English it is the text of the log.
+#[test]
+fn requests_say_the_same_in_every_language() {
+    let up = Orientation::Axis { axis: 0, positive: false, along: Along::Up, heading_deg: 90.0 };
+    let still =
+        vec![SwitchReading { switch: 2, on: true, volt: 3.306 }, SwitchReading { switch: 4, on: false, volt: 1.998 }];
+    let over = TakenOver { taken: vec!["x+".into(), "x-".into()], left: vec!["y+".into()] };
+    let asks: [(Ask, &[&str]); 10] = [
+        (Ask::Switches(None), &["OFF"]),
+        (Ask::Switches(Some(3)), &["3", "ON", "OFF"]),
+        (Ask::SwitchesAgain { on: Some(4), still }, &["2", "3.306", "4", "1.998", "ON", "OFF"]),
+        (Ask::Heading { deg: 120.0 }, &["120"]),
+        (Ask::Lay(up), &["-X", "+Y", "90"]),
+        (
+            Ask::Turn { orientation: Some(up), angle_deg: -1080.0, span_s: 5.0, ramp_s: 0.5 },
+            &["-1080", "+X", "0.5 s", "240 deg/s", "480 deg/s^2", "5 s", "400 deg/s"],
+        ),
+        (Ask::Spin { orientation: Some(up), rate_dps: 5400.0 }, &["+5400 deg/s", "+X"]),
+        (Ask::StopTable, &[]),
+        (Ask::Words("Close the lid.".into()), &["Close the lid."]),
+        (Ask::Resumed { over, next: Box::new(Ask::Lay(up)) }, &["x+, x-", "y+", "-X", "90"]),
+    ];
+    for lang in Lang::ALL {
+        for (ask, parts) in &asks {
+            let said = (lang.texts().ask)(ask);
+            for part in parts.iter().chain(&["Enter"]) {
+                assert!(said.contains(part), "{lang:?}: no {part} in {said}");
+            }
+            assert!(!said.contains("{}"), "{lang:?}: {said}");
+            let words = matches!(ask, Ask::Words(_));
+            assert!(lang == Lang::En || words || !said.contains(" the "), "{lang:?}: {said}");
+        }
+    }
+    for (ask, _) in &asks {
+        assert_eq!((Lang::En.texts().ask)(ask), ask.to_string());
     }
 }
 

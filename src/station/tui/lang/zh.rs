@@ -1,8 +1,10 @@
 //! Chinese, simplified.
 
+use gnc_bench::fixture::Ask;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 
+use super::ask::AskTexts;
 use super::zh_catalogue::{item_title, look_at_sentence};
 use super::{KeyText, Texts, fill};
 use crate::tui::keymap::KeyAction;
@@ -114,9 +116,6 @@ pub(super) static TEXTS: Texts = Texts {
     on_no: "如果做不到，{} 记为出错，运行继续。",
     on: "开",
     off: "关",
-    switch_all_off: "请将五个拨码开关全部拨到 OFF（关）。",
-    switch_one_on: "请将拨码开关 {} 拨到 ON（开），其余四个拨到 OFF（关）。",
-    turn_to: "请保持模块水平，在转台上转到 {} 度。",
     setup_plan: "测试方案",
     setup_bench: "台架",
     setup_operator: "操作员",
@@ -167,10 +166,6 @@ pub(super) static TEXTS: Texts = Texts {
     lie_any: "({}) 朝上，方位 {}°",
     turns: "转动 {}°，绕 {} 轴，用时 {}",
     spins: "以 {} deg/s 转动，绕 {} 轴",
-    ask_lay: "请放置模块：{}。静止后按“完成”。",
-    ask_turn: "请将转台按箭头方向转动 {}°，用时 {}（含加减速）。停稳后按“完成”。",
-    ask_spin: "请让转台按箭头方向以 {} deg/s 旋转。达到该转速后按“完成”。",
-    ask_stop: "请停止转台。停稳后按“完成”。",
     north: "北",
     raw: "原始",
     corrected: "校正后",
@@ -202,6 +197,7 @@ pub(super) static TEXTS: Texts = Texts {
     start_time: "开始",
     too_many_runs: "仅显示当天最新的 {} 次运行",
     enter_opens: "按 Enter 打开",
+    ask,
     key,
     outcome_word,
     verdict,
@@ -210,6 +206,31 @@ pub(super) static TEXTS: Texts = Texts {
     cause,
     look_at_sentence,
 };
+
+static ASK: AskTexts = AskTexts {
+    switch_all_off: "请将五个拨码开关全部拨到 OFF（关）。",
+    switch_one_on: "请将拨码开关 {} 拨到 ON（开），其余四个拨到 OFF（关）。",
+    switch_still_on: "拨码开关 {} 读数仍为 ON（{} V）。",
+    switch_still_off: "拨码开关 {} 读数仍为 OFF（{} V）。",
+    heading: "请保持模块水平，在转台上转到 {} 度。",
+    lay: "请放置模块：{}。",
+    turn: "请用转台控制器转动 {} 度{}：{} s 加速到 {} deg/s（{} deg/s^2），匀速，{} s 减速到静止，共 {} s。任何时刻不得超过 {} deg/s。",
+    spin: "请用转台控制器让转台以 {} deg/s 旋转{}：加速快慢不限，但不得超过该转速。",
+    about: "（绕模块 +{} 轴，右手方向）",
+    stop: "请停止转台。",
+    taken_over: "沿用中断运行的采集：{}。",
+    left: "尚待采集：{}。",
+    enter_done: "完成后按 Enter。",
+    enter_lies: "静止后按 Enter。",
+    enter_turned: "再次停稳后按 Enter。",
+    enter_at_rate: "达到该转速后按 Enter。",
+    enter_still: "停稳后按 Enter。",
+    between: "",
+};
+
+fn ask(ask: &Ask) -> String {
+    ASK.words(&TEXTS, ask)
+}
 
 fn key(action: KeyAction) -> KeyText {
     let (short, long) = match action {

@@ -108,7 +108,7 @@ pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let Some(prompt) = model.run.as_ref().and_then(|run| run.prompt.as_ref()) else { return };
     let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
-    let what = text::wrap(&texts.ask(&prompt.ask), cells);
+    let what = text::wrap(&(texts.ask)(&prompt.ask), cells);
     let on_no = text::wrap(&fill(texts.on_no, &[&text::shown(&prompt.item)]), cells);
     let picture_rows = picture::rows(&prompt.ask);
     let (what_rows, on_no_rows) = (what.len() as u16, on_no.len() as u16);

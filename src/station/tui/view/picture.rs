@@ -15,17 +15,18 @@ use crate::tui::model::{Glyphs, ScreenModel};
 /// Rows that the picture of a request needs.
 pub(super) fn rows(ask: &Ask) -> u16 {
     match ask {
-        Ask::Switches(_) => 6,
+        Ask::Switches(_) | Ask::SwitchesAgain { .. } => 6,
         Ask::Heading { .. } => 9,
         Ask::Lay(_) | Ask::Turn { orientation: Some(_), .. } | Ask::Spin { orientation: Some(_), .. } => 10,
         Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => 0,
+        Ask::Resumed { next, .. } => rows(next),
     }
 }
 
 /// Draws the picture of a request.
 pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, ask: &Ask) {
     match ask {
-        Ask::Switches(on) => switches(model, frame, area, *on),
+        Ask::Switches(on) | Ask::SwitchesAgain { on, .. } => switches(model, frame, area, *on),
         Ask::Heading { deg } => heading(model, frame, area, *deg),
         Ask::Lay(orientation) => module::draw(model, frame, area, orientation, None),
         Ask::Turn { orientation: Some(orientation), angle_deg, .. } => {
@@ -35,6 +36,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, ask: 
             module::draw(model, frame, area, orientation, Some(rate_dps.signum()));
         }
         Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => {}
+        Ask::Resumed { next, .. } => draw(model, frame, area, next),
     }
 }
 

@@ -1,0 +1,98 @@
+//! Other programs on a port or interface.
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use nix::fcntl::{FcntlArg, FdFlag, fcntl};
+
+use crate::doctor::holders::{Holder, Proc};
+
+/// A folder as the kernel shows a process, with the files that it has open.
+fn process(proc: &Path, number: u32, command: &str, open: &[&Path]) {
+    let fd = proc.join(number.to_string()).join("fd");
+    fs::create_dir_all(&fd).expect("a folder");
+    for (place, file) in open.iter().enumerate() {
+        symlink(file, fd.join(place.to_string())).expect("a link");
+    }
+    fs::write(proc.join(number.to_string()).join("cmdline"), command).expect("a file");
+}
+
+/// A process of another user: its files cannot be listed.
+fn hidden(proc: &Path, number: u32) {
+    fs::create_dir_all(proc.join(number.to_string())).expect("a folder");
+}
+
+fn pseudo_terminal() -> (nix::pty::OpenptyResult, PathBuf) {
+    let pty = nix::pty::openpty(None, None).expect("a pseudo-terminal");
+    let port = nix::unistd::ttyname(&pty.slave).expect("its name");
+    (pty, port)
+}
+
+#[test]
+fn a_program_with_the_port_open_is_named() {
+    let (_pty, port) = pseudo_terminal();
+    let folder = tempfile::tempdir().expect("a folder");
+    // The same device under another name, as udev makes it.
+    let by_id = folder.path().join("usb-FTDI");
+    symlink(&port, &by_id).expect("a link");
+    let proc = folder.path().join("proc");
+    process(&proc, 901, "minicom\0-D\0/dev/ttyUSB0\0", &[Path::new("/dev/null"), &by_id]);
+    process(&proc, 77, "cat\0\x1b[2J\0", &[&port]);
+    process(&proc, 5, "editor\0", &[Path::new("/dev/null"), Path::new("/gone")]);
+    process(&proc, std::process::id(), "doctor\0", &[&port]);
+    hidden(&proc, 1);
+    let holders = Proc(proc).holders(&by_id);
+    let holder = |process, command: &str| Holder { process, command: command.to_owned() };
+    assert_eq!(holders.found, [holder(77, "cat \\u{1b}[2J"), holder(901, "minicom -D /dev/ttyUSB0")]);
+    assert_eq!(holders.hidden, 1);
+}
+
+/// A real program on a real port.
+#[test]
+fn the_kernels_own_folder_names_a_program() {
+    let (pty, port) = pseudo_terminal();
+    // A program that is started must not get the board's end.
+    fcntl(&pty.master, FcntlArg::F_SETFD(FdFlag::FD_CLOEXEC)).expect("a descriptor");
+    let end = fs::File::open(&port).expect("the port");
+    let mut reader = Command::new("sleep").arg("600").stdin(Stdio::from(end)).spawn().expect("sleep");
+    let holders = Proc::default().holders(&port);
+    reader.kill().expect("alive");
+    reader.wait().expect("its end");
+    assert_eq!(holders.found, [Holder { process: reader.id(), command: "sleep 600".to_owned() }]);
+    drop(pty);
+}
+
+/// The program behind a pseudo-terminal is the board and not a second reader.
+#[test]
+fn the_other_end_of_a_pseudo_terminal_is_no_second_reader() {
+    let (_pty, port) = pseudo_terminal();
+    let index = port.file_name().and_then(|name| name.to_str()).expect("a number").to_owned();
+    let folder = tempfile::tempdir().expect("a folder");
+    for (number, told) in [(20, index.as_str()), (21, "99999")] {
+        process(folder.path(), number, "board\0", &[&port, Path::new("/dev/null")]);
+        let info = folder.path().join(number.to_string()).join("fdinfo");
+        fs::create_dir_all(&info).expect("a folder");
+        fs::write(info.join("1"), format!("pos:\t0\nflags:\t02\ntty-index:\t{told}\n")).expect("a file");
+    }
+    let found: Vec<u32> =
+        Proc(folder.path().to_owned()).holders(&port).found.iter().map(|holder| holder.process).collect();
+    assert_eq!(found, [21]);
+}
+
+/// Lists as kernel 6.1 shows them.
+#[test]
+fn receivers_on_a_can_interface_are_counted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let can = folder.path().join("net/can");
+    fs::create_dir_all(&can).expect("a folder");
+    let none = "\nreceive list 'rx_fil':\n  (any: no entry)\n  (can0: no entry)\n";
+    let two = "\nreceive list 'rx_all':\n  (any: no entry)\n  device   can_id   can_mask  function  userdata   matches  ident\n   can0   \
+               00000000  00000000  0000000000000000  0000000000000000         3  raw\n   can1   00000000  00000000  0000000000000000  \
+               0000000000000000         3  raw\n   can0   00000000  00000000  0000000000000000  0000000000000000         9  raw\n";
+    fs::write(can.join("rcvlist_fil"), none).expect("a file");
+    fs::write(can.join("rcvlist_all"), two).expect("a file");
+    let proc = Proc(folder.path().to_owned());
+    assert_eq!(["can0", "can1", "can2"].map(|name| proc.can_receivers(name)), [2, 1, 0]);
+}
