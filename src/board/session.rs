@@ -1,8 +1,11 @@
 //! The host's end of the conversation: one task that owns the link.
 
 mod absent;
+mod answers;
 mod audit;
+mod greeting;
 mod heard;
+mod pending;
 mod possible;
 mod watchdog;
 
@@ -11,12 +14,12 @@ use std::time::Duration;
 
 use audit::Audit;
 use gnc_link::{Link, NoFrame};
-use gnc_protocol::message::{Abort, BoardHello, Call as _, HostHello, MAGIC, MakeSafe, ModulePower};
+use gnc_protocol::message::{BoardHello, Call as _, ModulePower};
 use gnc_protocol::serial::LineCounters;
-use gnc_protocol::slave::{KEPT_RESULTS, MAX_RUNNING};
 use gnc_protocol::stream::StreamId;
-use gnc_protocol::wire::Wire as _;
 use gnc_protocol::{Flags, Frame, Header, Kind, PROTOCOL_VERSION, Payload, timing};
+use greeting::Greeting;
+use pending::{AnswerSender, ENDED_SINCE, Ended, Pending, Sendings};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::Instant;
 use watchdog::until;
@@ -30,21 +33,11 @@ use crate::stream::{AHEAD, Newest, SampleFrame};
 
 /// Slack added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways, and a busy computer.
 const HOST_SLACK: Duration = Duration::from_millis(50);
-/// Payload of the longer HELLO, which is the board's, at most.
-const HELLO_BYTES: usize = 128;
-/// Time between two HELLOs; longer on a slow line.
-const HELLO_EVERY: Duration = Duration::from_millis(250);
-/// Time for which HELLO is repeated. A board that hears HELLO answers at once. A board that is starting listens after
-/// two seconds, and one more HELLO must reach it then.
-const HELLO_FOR: Duration = Duration::from_millis(2500);
 /// Silence limit: three heartbeats missed.
 const SILENT_AFTER: Duration = Duration::from_millis(3500);
 /// Limit without a heartbeat: six missed while other frames come. The time limits of items go by heartbeats. Without
 /// heartbeats no item would ever exceed its limit.
 const BEATLESS_AFTER: Duration = Duration::from_millis(6500);
-/// Time after the last HELLO for which the station still listens, if the board sends anything: a board that answers late
-/// is told apart from one that does not hear.
-const LATE_HELLO: Duration = Duration::from_millis(1500);
 /// A timer that is served this late shows that this computer was busy, so that the times of what came meanwhile say
 /// nothing of the board.
 const SERVED_LATE: Duration = Duration::from_millis(20);
@@ -52,13 +45,7 @@ const SERVED_LATE: Duration = Duration::from_millis(20);
 const STALLED: Duration = Duration::from_millis(250);
 /// Time after a stall to read first what came meanwhile.
 const AFTER_A_STALL: Duration = Duration::from_millis(250);
-/// Requests that may end while another one is unresolved. After so many the station asks the board about the unresolved
-/// one, and begins nothing new until the board has answered. Requests that are in flight then may still end. The
-/// board's memory must hold the results of all of them; otherwise a request whose result was lost would run a second
-/// time.
-const ENDED_SINCE: u32 = (KEPT_RESULTS - MAX_RUNNING) as u32;
 
-type AnswerSender = oneshot::Sender<Result<Answer, BoardError>>;
 type StreamSender = mpsc::Sender<Result<SampleFrame, BoardError>>;
 
 /// A command to the conversation.
@@ -111,72 +98,6 @@ pub struct LinkReport {
     pub echoed: u32,
     /// What the board did against the interface document.
     pub breaches: Vec<Breach>,
-}
-
-#[derive(Debug)]
-struct Pending {
-    request: u16,
-    message: u16,
-    what: &'static str,
-    payload: Box<Payload>,
-    answer: AnswerSender,
-    advance: watch::Sender<Advance>,
-    asked: u32,
-    since: Instant,
-    due: Instant,
-    /// All times it was sent, which `asked` forgets when the board shows that the request runs.
-    sendings: Sendings,
-    /// When the board showed last that the request runs: by ACCEPT or PROGRESS.
-    runs: Option<Instant>,
-    /// Frames that the line lost before it was sent.
-    lost_before: u32,
-    expected_ms: u32,
-    /// Requests that ended since this one was last known to run.
-    ended_since: u32,
-    /// Whether the board is asked about this request only because of `ended_since`.
-    inquiry: bool,
-}
-
-impl Pending {
-    /// Whether the request may have ended so long ago that the board soon forgets its result.
-    fn is_in_doubt(&self) -> bool {
-        self.asked > 0 && self.ended_since >= ENDED_SINCE && !self.answer.is_closed()
-    }
-
-    /// Whether the request is not begun and may wait until nothing is in doubt. Requests that make the module safe
-    /// never wait.
-    fn can_be_held_back(&self) -> bool {
-        self.asked == 0 && self.message != MakeSafe::ID && self.message != Abort::ID
-    }
-}
-
-#[derive(Debug)]
-struct Greeting {
-    nonce: u32,
-    answer: oneshot::Sender<Result<BoardHello, BoardError>>,
-    asked: u32,
-    since: Instant,
-    due: Instant,
-    /// When HELLO was sent last.
-    sent_at: Instant,
-}
-
-/// How often a request was sent and answered.
-#[derive(Debug, Clone, Copy)]
-struct Sendings {
-    sent: u32,
-    first: Instant,
-    last: Instant,
-    /// ACCEPTs, NAKs, and RESULTs that came without ACCEPT.
-    answers: u32,
-    first_answer: Option<Instant>,
-}
-
-/// A request that has ended: answers to it may still come.
-#[derive(Debug)]
-struct Ended {
-    id: (u16, u16),
-    sendings: Sendings,
 }
 
 /// The task's state.
@@ -373,7 +294,7 @@ impl Session {
             SessionCommand::Hello { nonce, answer } => {
                 self.session = None;
                 self.heartbeats = 0;
-                self.greeting = Some(Greeting { nonce, answer, asked: 0, since: now, due: now, sent_at: now });
+                self.greeting = Some(Greeting::new(nonce, answer, now));
             }
             SessionCommand::Ask { request, message, what, payload, answer, advance } => {
                 if self.session.is_none() {
@@ -437,35 +358,6 @@ impl Session {
         self.fail_all(&error);
     }
 
-    fn greet_again(&mut self, now: Instant) {
-        let Some(greeting) = self.greeting.as_mut().filter(|greeting| now >= greeting.due) else { return };
-        if now - greeting.since > HELLO_FOR {
-            let (asked, waited) = (greeting.asked, now - greeting.since);
-            if self.heartbeats > 0 && waited < HELLO_FOR + LATE_HELLO {
-                greeting.due = greeting.since + HELLO_FOR + LATE_HELLO;
-                return;
-            }
-            let LineCounters { frames, bad_checksum, malformed, .. } = self.link.counters();
-            let damaged = bad_checksum + malformed;
-            let breach = self.breaches.instead_of_an_answer();
-            let error = match frames {
-                // One damaged frame may be the rest of a frame: the port may have opened in the middle of it.
-                0 if damaged > 1 && breach.is_none() => BoardError::Garbled { damaged, asked, on_can: self.on_can() },
-                _ => BoardError::NoAnswer { what: "HELLO", asked, waited, heard: self.heard_instead(None, now) },
-            };
-            if let Some(greeting) = self.greeting.take() {
-                let _ = greeting.answer.send(Err(error));
-            }
-            return;
-        }
-        greeting.asked += 1;
-        greeting.sent_at = now;
-        // At 115,200 baud and below, five exchanges take half a second or more.
-        greeting.due = now + HELLO_EVERY.max(self.link.exchange_time(HELLO_BYTES) * 5);
-        let nonce = greeting.nonce;
-        self.say_hello(nonce);
-    }
-
     fn on_can(&self) -> bool {
         matches!(self.link, Link::Can(_))
     }
@@ -478,13 +370,6 @@ impl Session {
             (None, Some(breach)) => Heard::Breach(breach),
             (None, None) if self.heartbeats > 0 => Heard::Heartbeats,
             (None, None) => Heard::Nothing { on_can: self.on_can() },
-        }
-    }
-
-    fn say_hello(&mut self, nonce: u32) {
-        let hello = HostHello { magic: MAGIC, lowest: PROTOCOL_VERSION, highest: PROTOCOL_VERSION, nonce };
-        if let Ok(payload) = hello.to_payload() {
-            self.send(Kind::Hello, Flags::default(), 0, 0, &payload);
         }
     }
 
