@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::Outcome;
+use gnc_tests::Place;
 use gnc_tests::campaign::{
     BREACHES, Breach, Case, Disturbance, Link, Over, Ran, Verdict, looks_like_a_bad_sensor, run,
 };
@@ -131,4 +132,93 @@ fn nothing_is_said_of_a_board_that_keeps_the_document() {
         let ran = run(&case("good", link, ""), Over::Memory, None);
         assert_eq!((ran.outcome, sections(&ran)), (Some(Outcome::Passed), Vec::new()), "{}", told(&ran));
     }
+}
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+
+/// A plan run by the whole program on a board of this text: the exit code, and what it printed.
+fn whole_program(board: &str, plan: &str) -> (Option<i32>, String, Place) {
+    let place = Place::new(STATION);
+    let board = place.write("board.toml", board);
+    let plan = place.write("plan.toml", &format!("name = \"p\"\nversion = \"1\"\n{plan}"));
+    let (sim, plan) = (format!("--sim={}", board.display()), plan.display().to_string());
+    let run = place.run(["--auto", &plan, &sim, "--sim-speed", "max", "--serial-number", "T-1"]);
+    (run.code, format!("{}{}", run.stdout, run.stderr), place)
+}
+
+/// A restart is seen by the clock, whatever the boot id says.
+#[test]
+fn a_restart_that_keeps_the_boot_id_is_a_restart() {
+    let board = "keeps_boot_id = true\n[reboot]\non = \"sdram\"\nnth = 1\nafter_ms = 5.0";
+    for link in [Link::Rs422, Link::Can] {
+        let ran = run(&case("good", link, board), Over::Memory, None);
+        assert_eq!((ran.outcome, failed(&ran)), (Some(Outcome::Failed), vec!["sdram"]), "{}", told(&ran));
+        assert!(sections(&ran).contains(&6), "{}", told(&ran));
+    }
+}
+
+/// HELLO says what the board can do, so the plan is refused, or its optional items are skipped, before power-on.
+#[test]
+fn hello_decides_what_can_run() {
+    let cpu = "[[item]]\nid = \"cpu\"\n[item.limits]\n\"*_errors\" = 0\n";
+    let identity =
+        |limits: &str| format!("[[item]]\nid = \"identity\"\n[item.limits]\nserial_number = \"T-1\"\n{limits}{cpu}");
+    let no_switch = "description = \"no switch\"\n[board]\nno_power_switch = true\n";
+
+    let (code, text, place) = whole_program(no_switch, &identity(""));
+    assert_eq!(code, Some(0), "the module counts as powered: {text}");
+    let items = &place.record()["items"];
+    let named = |name: &str| {
+        items[0]["attempts"][0]["measurements"].as_array().expect("measurements").iter().any(|m| m["name"] == name)
+    };
+    assert!(named("serial_number") && named("supply_voltage"), "{items}");
+
+    let (code, text, place) = whole_program(no_switch, &identity("supply_voltage = \"5 V +- 5 %\"\n"));
+    assert_eq!(code, Some(3), "{text}");
+    assert!(
+        text.contains("the module was not switched on: \"identity\" cannot run: there is no slave board that switches"),
+        "{text}"
+    );
+    assert_eq!(place.record()["items"][0]["outcome"], "not_run");
+
+    let cycle = "[[item]]\nid = \"power-cycle\"\n[item.limits]\ncycles_done = \">= 1\"\n";
+    let (code, text, _place) = whole_program(no_switch, &format!("{cpu}{cycle}"));
+    assert_eq!(code, Some(3), "{text}");
+    let optional = cycle.replace("[item.limits]", "optional = true\n[item.limits]");
+    let (code, text, place) = whole_program(no_switch, &format!("{cpu}{optional}"));
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(place.record()["items"][1]["outcome"], "skipped", "{text}");
+}
+
+/// The record, the log and the report name the board's breach with its section, and the schema knows it.
+#[test]
+fn a_breach_stands_in_every_record() {
+    let board = "description = \"late\"\n[board]\nserial = \"B\\u0000\"\n";
+    let cpu = "[[item]]\nid = \"cpu\"\n[item.limits]\n\"*_errors\" = 0\n";
+    let (code, text, place) = whole_program(board, cpu);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(
+        text.contains("note: the board does not keep section 5 of the interface document: a text holds NUL (once; "),
+        "{text}"
+    );
+    let breach = &place.record()["board_breaches"][0];
+    assert_eq!(
+        (&breach["section"], &breach["count"], &breach["safety"]),
+        (&5.into(), &1.into(), &false.into()),
+        "{breach}"
+    );
+    assert!(breach["first_at"].as_str().expect("a time").len() > 20 && breach["worst"].is_string(), "{breach}");
+    let file = |name: &str| std::fs::read_to_string(place.runs()[0].join(name)).expect(name);
+    assert!(file("log.txt").contains("The board and the interface document"), "{}", file("log.txt"));
+    assert!(file("report.html").contains("a text holds NUL"));
+    assert!(file("events.jsonl").contains("\"kind\":\"board_breach\""));
+}
+
+/// The module is still under power after the run: said at once, and beside the verdict.
+#[test]
+fn a_module_that_stays_under_power_is_a_danger() {
+    let cpu = "[[item]]\nid = \"cpu\"\n[item.limits]\n\"*_errors\" = 0\n";
+    let (_, text, place) = whole_program("description = \"hot\"\n[board]\nsafe_keeps_power = true\n", cpu);
+    assert_eq!(text.matches("DANGER: the module is still under power after MAKE_SAFE").count(), 3, "{text}");
+    assert_eq!(place.record()["board_breaches"][0]["safety"], true);
 }

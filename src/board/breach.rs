@@ -67,7 +67,7 @@ pub mod rule {
         [&CHECKSUM, &VERSION, &HELLO_LAYOUT, &NONCE, &OTHER_MESSAGE, &UNASKED, &ANSWER_LAYOUT, &TEXT];
 
     /// Bytes between frames that are text.
-    pub const TEXT: Rule = Rule::note(3, "the board sends text between the frames");
+    pub const TEXT: Rule = Rule { needed: 2, ..Rule::note(3, "the board sends text between the frames") };
     /// Bytes between frames that are always the same.
     pub const BYTES_BETWEEN: Rule = Rule::note(3, "the board sends bytes between the frames that are no frame");
     /// A checksum that is right by another rule.
@@ -80,8 +80,8 @@ pub mod rule {
     pub const SEQUENCE: Rule = Rule::note(4, "the sequence number does not count the frames up");
     /// A frame of a stream or an event with the number of a request.
     pub const REQUEST_ID: Rule = Rule::note(4, "a frame that belongs to no request carries a request id");
-    /// Text with control characters.
-    pub const CONTROL_CHARACTER: Rule = Rule::value(5, "a text holds control characters");
+    /// Text with NUL: a field of fixed length that was sent whole.
+    pub const NUL: Rule = Rule::value(5, "a text holds NUL");
     /// HELLO with another layout.
     pub const HELLO_LAYOUT: Rule = Rule::note(6, "the board's HELLO has another layout");
     /// HELLO with another nonce.

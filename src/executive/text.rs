@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 
 use gnc_text::{printable, shortened};
 
+use crate::catalogue::memory::FAULT;
 use crate::event::BenchKind;
 use crate::measurement::{Measurement, Reading};
 use crate::outcome::{Outcome, words};
@@ -207,13 +208,24 @@ fn severity(measurement: &Measurement) -> usize {
     measurement.outcome.map_or(0, rank)
 }
 
+/// The one cause that the mismatches of a memory have in common, if they have one.
+pub fn common_fault(attempt: &AttemptRecord) -> Option<String> {
+    let fault = attempt.measurements.iter().find(|measurement| measurement.name == FAULT.name)?.value_text();
+    let is_one = ["one ", "data line "].iter().any(|start| fault.starts_with(start));
+    is_one.then(|| printable(&fault).into_owned())
+}
+
 fn failing_attempt(out: &mut String, item: &ItemRecord, attempt: &AttemptRecord) {
+    let common = common_fault(attempt);
     for measurement in &attempt.measurements {
         let Some(outcome) = measurement.outcome.filter(|outcome| is_bad(*outcome)) else { continue };
         let _ = writeln!(out, "  {:OUTCOME_WIDTH$}  {}", words(outcome), measurement_line(measurement));
-        if let Some(spec) = item.id.spec().measurement(&measurement.name) {
+        if let Some(spec) = item.id.spec().measurement(&measurement.name).filter(|_| common.is_none()) {
             let _ = writeln!(out, "            look at: {}", spec.look_at);
         }
+    }
+    if let Some(common) = common {
+        let _ = writeln!(out, "            look at: {common}");
     }
     for record in &attempt.error_records {
         let _ = writeln!(out, "  board:    {}", error_record(record));

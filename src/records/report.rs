@@ -16,7 +16,7 @@ use std::io;
 use gnc_executive::event::{BenchKind, NoteLevel};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemRecord, RunRecord};
-use gnc_executive::text::{banners, duration};
+use gnc_executive::text::{banners, common_fault, duration};
 use gnc_executive::uncertainty::Decision;
 use gnc_plot::svg;
 
@@ -148,6 +148,10 @@ fn what_decided(page: &mut SvgPage, record: &RunRecord) {
                 {
                     hints.push(spec.look_at);
                 }
+            }
+            if let Some(common) = common_fault(attempt) {
+                page.element("p", "hint", &format!("Look at {common}."));
+                hints.clear();
             }
             for hint in hints {
                 page.element("p", "hint", hint);

@@ -22,10 +22,10 @@ pub const BREACHES: &[Breach] = &[
     // Times.
     ("accept_after_ms = 80.0", (Passed, &[7]), (Passed, &[])),
     ("accept_after_ms = 200.0", (Passed, &[7]), (Passed, &[7])),
-    ("accept_after_ms = 600.0\naccept_late_every = 3", (Passed, &[7]), (Passed, &[7, 9])),
+    ("accept_after_ms = 600.0\naccept_late_every = 3", (Passed, &[7]), (Passed, &[7])),
     ("hello_after_ms = 80.0", (Passed, &[6]), (Passed, &[])),
     ("hello_after_ms = 200.0", (Passed, &[6]), (Passed, &[6])),
-    ("hello_after_ms = 3000.0", (Passed, &[6]), (Errored, &[6])),
+    ("hello_after_ms = 3000.0", (Passed, &[6]), (Passed, &[6])),
     ("progress_every_ms = 900.0", (Passed, &[]), (Passed, &[])),
     ("progress_every_ms = 0.0", (Passed, &[]), (Passed, &[])),
     ("heartbeat_every_ms = 1500.0", (Passed, &[9]), (Passed, &[9])),
@@ -63,7 +63,7 @@ pub const BREACHES: &[Breach] = &[
     ("deaf_to_hello = true", (Errored, &[]), (Errored, &[])),
     ("serial = \"B\\u00001\"", (Passed, &[5]), (Passed, &[5])),
     // The clock, state and power.
-    ("clock_back_at_s = 5.0\nclock_back_s = 2.0", (Errored, &[9]), (Errored, &[9])),
+    ("clock_back_at_s = 5.0\nclock_back_s = 2.0", (Errored, &[9]), (Passed, &[9])),
     ("state_bits_set = [1]", (Passed, &[]), (Passed, &[])),
     ("state_bits_cleared = [0]", (Passed, &[9]), (Passed, &[9])),
     ("state_bits_cleared = [1]", (Passed, &[9]), (Passed, &[9])),

@@ -221,8 +221,8 @@ impl ProcedureError {
             Self::Fixture(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
             Self::Param(_) => "report this: the station should not have accepted the plan",
-            Self::SamplesLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
-            Self::CaptureLost { .. } => "check the RS-422 cable and its termination; a slower stream may help",
+            Self::SamplesLost { .. } => "check the cable to the board and its termination; a slower stream may help",
+            Self::CaptureLost { .. } => "check the cable to the board and its termination; a slower stream may help",
             Self::Clock { fault, .. } => fault.hint(),
             Self::Spoilt { spoilt: Spoilt::Moved { .. }, .. } => {
                 "keep hands and draughts off the table; run the item again"

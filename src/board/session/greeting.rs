@@ -58,10 +58,12 @@ impl Session {
             }
             let LineCounters { frames, bad_checksum, malformed, .. } = self.link.counters();
             let damaged = bad_checksum + malformed;
+            // Noise may hold text, but no checksum that a mistake explains.
             let breach = self.breaches.instead_of_an_answer();
+            let by_mistake = breach.is_some_and(|breach| breach.rule == &rule::CHECKSUM);
             let error = match frames {
                 // One damaged frame may be the rest of a frame: the port may have opened in the middle of it.
-                0 if damaged > 1 && breach.is_none() => BoardError::Garbled { damaged, asked, on_can: self.on_can() },
+                0 if damaged > 1 && !by_mistake => BoardError::Garbled { damaged, asked, on_can: self.on_can() },
                 _ => BoardError::NoAnswer { what: "HELLO", asked, waited, heard: self.heard_instead(None, now) },
             };
             if let Some(greeting) = self.greeting.take() {
@@ -139,10 +141,10 @@ impl Session {
         self.in_doubt = false;
         self.interrupted = None;
         (self.other_boot_id, self.beats_as) = (None, None);
-        if [&hello.serial, &hello.firmware].into_iter().any(|text| text.chars().any(char::is_control)) {
+        if [&hello.serial, &hello.firmware].into_iter().any(|text| text.contains('\0')) {
             let texts =
                 format!("serial \"{}\", firmware \"{}\"", hello.serial.escape_debug(), hello.firmware.escape_debug());
-            self.audit.see(&rule::CONTROL_CHARACTER, Case::Words(texts));
+            self.audit.see(&rule::NUL, Case::Words(texts));
         }
         if !(hello.lowest..=hello.highest).contains(&hello.chosen) {
             let case = format!("version {} of {} to {}", hello.chosen, hello.lowest, hello.highest);

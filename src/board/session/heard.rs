@@ -18,7 +18,7 @@ use crate::stream::{Newest, SampleFrame};
 /// Times in a row that the same bytes come between frames until they are no damage.
 const SAME_RUBBISH: u32 = 5;
 /// Shortest text between frames, in bytes. Damaged frames are hardly ever text.
-const SHORTEST_TEXT: usize = 4;
+const SHORTEST_TEXT: usize = 6;
 
 /// The bytes as text that a program prints, if they are. Pieces of the sentences of a receiver, which consist of numbers
 /// and commas, are parts of frames.

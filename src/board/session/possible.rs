@@ -139,9 +139,7 @@ fn identity(reply: &IdentityReply) -> Possible {
         ("firmware version", firmware),
     ];
     texts.into_iter().try_for_each(|(name, text)| {
-        must(!text.chars().any(char::is_control), &rule::CONTROL_CHARACTER, || {
-            format!("the {name} is \"{}\"", text.escape_debug())
-        })
+        must(!text.contains('\0'), &rule::NUL, || format!("the {name} is \"{}\"", text.escape_debug()))
     })
 }
 
@@ -327,13 +325,14 @@ mod tests {
     }
 
     #[test]
-    fn texts_hold_no_control_characters() {
+    fn texts_hold_no_nul() {
         let identity = |serial: &str| {
             let serial_number = text(serial);
             broken(&Identity {}, &IdentityReply { serial_number, ..IdentityReply::default() }, 20_000)
         };
         assert_eq!(identity("GNC-2026-000123"), None);
         assert_eq!(identity("Прибор № 7"), None);
+        assert_eq!(identity("\u{1b}[2J"), None, "ugly, and shown without harm");
         assert_eq!(identity("GNC\0\0\0\0"), Some(5));
     }
 

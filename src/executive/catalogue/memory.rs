@@ -45,6 +45,9 @@ pub const MISMATCHES_MARCH_C: MeasurementSpec = mismatches(
 /// The number of words that each pattern covered, for the pattern with the fewest.
 pub const WORDS_TESTED: MeasurementSpec =
     count("words_tested", "The test did not cover the whole memory: compare the board's memory map with the plan.");
+/// What the mismatches of all patterns have in common: one cell, one data line, or "none" without mismatches.
+pub const FAULT: MeasurementSpec =
+    text("fault", "The mismatches have this in common: look at it first, then at the patterns one by one.");
 /// Board time of all patterns together.
 pub const TEST_TIME: MeasurementSpec = number(
     "test_time",
@@ -60,6 +63,7 @@ const RAM_MEASUREMENTS: &[MeasurementSpec] = &[
     MISMATCHES_ADDRESS,
     MISMATCHES_MARCH_C,
     WORDS_TESTED,
+    FAULT,
     TEST_TIME,
 ];
 
