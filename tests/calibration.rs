@@ -324,13 +324,24 @@ fn a_run_that_broke_off_goes_on() {
     let resume = ["--sim-speed", "max", "--resume", broken.to_str().expect("UTF-8")];
     let ended = place.run(args.into_iter().chain(resume));
     assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    // What is taken over is said before the item ends, with what is left.
+    let name = broken.file_name().expect("a name").to_str().expect("UTF-8");
+    assert!(
+        ended.stdout.contains(&format!("takes up the run {name}: its complete captures are taken over")),
+        "{}",
+        ended.stdout
+    );
+    let names = ["x+", "x-", "y+", "y-", "z+", "z-"];
+    let (taken, left) = (names[..before.len()].join(", "), names[before.len()..].join(", "));
+    let over = format!("six-position: Taken over from the interrupted run: {taken}. Still to capture: {left}.\n");
+    let place_of = |text: &str| ended.stdout.find(text).expect(text);
+    assert!(place_of(&over) < place_of("passed    six-position"), "{}", ended.stdout);
     let new = place.runs().into_iter().find(|run| *run != broken).expect("a run of its own");
     let after = read(&new.join("01-six-position/attempt-1.mcap")).captures;
     let labels: Vec<&str> = after.iter().map(|capture| capture.about.label.as_str()).collect();
     assert_eq!(labels, ["x+", "x-", "y+", "y-", "z+", "z-"]);
     assert!(after[..before.len()] == before, "what was taken over is not what was captured");
     let record = read_json(&new.join("run.json"));
-    let name = broken.file_name().expect("a name").to_str().expect("UTF-8");
     assert_eq!(record["resumed"]["run"].as_str(), Some(name));
     let again = place.run(["recompute", new.to_str().expect("UTF-8")]);
     assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
