@@ -324,16 +324,59 @@ fn a_run_that_broke_off_goes_on() {
     let resume = ["--sim-speed", "max", "--resume", broken.to_str().expect("UTF-8")];
     let ended = place.run(args.into_iter().chain(resume));
     assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    // What is taken over is said before the item ends, with what is left.
+    let name = broken.file_name().expect("a name").to_str().expect("UTF-8");
+    assert!(
+        ended.stdout.contains(&format!("takes up the run {name}: its complete captures are taken over")),
+        "{}",
+        ended.stdout
+    );
+    let names = ["x+", "x-", "y+", "y-", "z+", "z-"];
+    let (taken, left) = (names[..before.len()].join(", "), names[before.len()..].join(", "));
+    let over = format!("six-position: Taken over from the interrupted run: {taken}. Still to capture: {left}.\n");
+    let place_of = |text: &str| ended.stdout.find(text).expect(text);
+    assert!(place_of(&over) < place_of("passed    six-position"), "{}", ended.stdout);
     let new = place.runs().into_iter().find(|run| *run != broken).expect("a run of its own");
     let after = read(&new.join("01-six-position/attempt-1.mcap")).captures;
     let labels: Vec<&str> = after.iter().map(|capture| capture.about.label.as_str()).collect();
     assert_eq!(labels, ["x+", "x-", "y+", "y-", "z+", "z-"]);
     assert!(after[..before.len()] == before, "what was taken over is not what was captured");
     let record = read_json(&new.join("run.json"));
-    let name = broken.file_name().expect("a name").to_str().expect("UTF-8");
     assert_eq!(record["resumed"]["run"].as_str(), Some(name));
     let again = place.run(["recompute", new.to_str().expect("UTF-8")]);
     assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+}
+
+/// An item whose captures all exist asks for nothing; the item that broke off asks again.
+#[test]
+fn what_was_captured_is_not_prepared_again() {
+    let place = Place::new(STATION);
+    let item = |name: &str, words: &str, dwell: &str| {
+        format!(
+            "[[item]]\nid = \"six-position\"\nname = \"{name}\"\nprompt = \"{words}\"\n\
+             params = {{ dwell = \"{dwell}\", settle = \"0 s\" }}\nlimits.residual_rms = \"<= 5 mg\"\n"
+        )
+    };
+    let items = item("short", "Close the lid.", "10 s") + &item("long", "Open the lid.", "300 s");
+    place.write("p.toml", &format!("name = \"lids\"\nversion = \"1\"\n{items}"));
+    let args = ["--auto", "p.toml", "--sim", "--serial-number", "C-1"];
+    let slow = args.into_iter().chain(["--sim-speed", "40"]);
+    let mut station = place.station(slow).stdout(Stdio::piped()).spawn().expect("the station");
+    let lines = BufReader::new(station.stdout.take().expect("its output")).lines();
+    assert!(lines.map_while(Result::ok).any(|line| line.starts_with("passed    short")), "nothing was captured");
+    station.kill().expect("alive");
+    station.wait().expect("dead");
+    let broken = place.runs().remove(0);
+    let asked = |run: &Path, words: &str| {
+        let journal = fs::read_to_string(run.join("events.jsonl")).expect("a journal");
+        journal.lines().any(|line| line.contains("\"prompted\"") && line.contains(words))
+    };
+    assert!(asked(&broken, "Close the lid."));
+    let resume = ["--sim-speed", "max", "--resume", broken.to_str().expect("UTF-8")];
+    let ended = place.run(args.into_iter().chain(resume));
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    let new = place.runs().into_iter().find(|run| *run != broken).expect("a run of its own");
+    assert_eq!((asked(&new, "Close the lid."), asked(&new, "Open the lid.")), (false, true));
 }
 
 /// A run that ended with a verdict on the module was not interrupted: its samples give no new verdict. The samples of a

@@ -25,7 +25,7 @@ use gnc_analysis::host_clock::HostClock;
 use gnc_board::BoardLease;
 use gnc_executive::bench::BenchSite;
 use gnc_executive::catalogue::ItemId;
-use gnc_executive::plan::Params;
+use gnc_executive::plan::{Params, PlanItem};
 use gnc_link::can::CanTarget;
 use gnc_records::resume::Resumed;
 
@@ -57,6 +57,11 @@ pub(crate) struct ProcedureContext<'a> {
     pub guide: &'a Guide,
     /// Whether the host's clock runs at the pace of the board's world.
     pub host_clock: HostClock,
+}
+
+/// Whether an earlier run has all captures of an item.
+pub(crate) async fn is_captured(item: &PlanItem, resumed: &Resumed) -> bool {
+    capturing::is_captured(item, resumed).await
 }
 
 /// Runs the procedure of an item.

@@ -95,7 +95,7 @@ fn an_operator_tests_a_module() {
     terminal.types(F4);
     terminal.wait_for("Close the lid.");
     terminal.types(ESC);
-    terminal.wait_for("the operator could not Close the lid.");
+    terminal.wait_for("the operator could not do this: Close the lid.");
     terminal.wait_for("SELECTION");
     terminal.types(F10);
     let (status, restored) = terminal.end();

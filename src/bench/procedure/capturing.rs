@@ -8,14 +8,16 @@ use std::time::Duration;
 
 use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 use gnc_analysis::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
-use gnc_analysis::motion::{MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses};
+use gnc_analysis::motion::{MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses, program};
 use gnc_board::stream::{Closed, SampleFrame, Stream};
+use gnc_executive::plan::PlanItem;
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::message::{Identity, ModulePower, StreamStart};
 use gnc_protocol::stream::{ImuSample, Losses, StreamId};
 use gnc_protocol::wire::{FieldReader, Wire};
 use gnc_records::raw::{Piece, pieces};
+use gnc_records::resume::Resumed;
 use gnc_records::store::RawFile;
 
 use super::sampling::{ClockWatch, samples_per_frame};
@@ -63,6 +65,17 @@ pub(super) async fn run(
     capture.course.works_out();
     capture.raw.finish().await?;
     Ok(capture.captures)
+}
+
+/// Whether an earlier run has all captures of an item, so that nothing moves and nobody needs to prepare anything. Captures
+/// that cannot be read are told when the item takes them over.
+pub(super) async fn is_captured(item: &PlanItem, resumed: &Resumed) -> bool {
+    let Ok(Some(program)) = program(item.id, &item.params) else { return false };
+    let (resumed, name) = (resumed.clone(), item.name.clone());
+    let read = tokio::task::spawn_blocking(move || resumed.captures(&name)).await;
+    let Ok(Ok(captures)) = read else { return false };
+    let mut heads = program.steps.iter().filter_map(MotionStep::about);
+    heads.all(|about| captures.iter().any(|capture| capture.about == *about))
 }
 
 /// The captures of this item from an earlier run, read in parallel to the conversation with the board.

@@ -93,7 +93,13 @@ impl Run<'_> {
             host_clock: host_clock(&self.order.header.bench),
         };
         if let (Some(prompt), 1) = (&item.prompt, attempt) {
-            bench.fixture.prompt(prompt, recorder).await?;
+            let is_captured = match bench.resumed {
+                Some(resumed) => procedure::is_captured(item, resumed).await,
+                None => false,
+            };
+            if !is_captured {
+                bench.fixture.prompt(prompt, recorder).await?;
+            }
         }
         let all_repeats = async {
             for repeat in 1..=item.repeats {

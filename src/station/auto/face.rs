@@ -100,6 +100,12 @@ impl Writer {
                     printable(&header.serial_number),
                     printable(&header.station)
                 ));
+                if let Some(earlier) = &header.resumed {
+                    self.say(&format!(
+                        "takes up the run {}: its complete captures are taken over, all else is done again",
+                        printable(&earlier.run)
+                    ));
+                }
                 if let Some(record) = RunRecord::from_state(&self.state) {
                     for banner in text::banners(&record).iter().filter(|banner| !banner.starts_with("INTERRUPTED")) {
                         self.say(banner);
@@ -129,6 +135,10 @@ impl Writer {
             EventKind::BoardBreach(breach) if breach.safety => {
                 self.say(&format!("DANGER: {}", printable(&breach.what)));
             }
+            // A person learns what is taken over before the first motion.
+            EventKind::Note { level: NoteLevel::Info, text, item: Some(item) } if self.is_resumed() => {
+                self.say(&format!("{}: {}", printable(item), printable(text)));
+            }
             EventKind::BoardRebooted { .. } => self.say("note: the slave board restarted"),
             EventKind::StopRequested { by, .. } => {
                 self.say(&format!("stopping: {} (repeat it to stop at once)", printable(by)));
@@ -136,6 +146,10 @@ impl Writer {
             EventKind::RunEnded { .. } => self.ended(),
             _ => {}
         }
+    }
+
+    fn is_resumed(&self) -> bool {
+        self.state.header().is_some_and(|header| header.resumed.is_some())
     }
 
     fn answered_by_itself(&self) -> bool {
