@@ -1,0 +1,16 @@
+//! Checks of a slave board against `docs/ICD.md`, for those who write its firmware.
+//!
+//! [`run`] speaks to a board over a link of its own and looks at each frame: when it came, how often, in which order,
+//! with which bytes. What `gnc-board` repeats or passes over, a check sees. Each check has a short name that stays, the
+//! section of the document, what the document demands, and what was measured.
+
+mod check;
+mod driver;
+mod hello;
+mod raw;
+mod runner;
+mod stop;
+mod table;
+
+pub use runner::{CheckEvent, CheckOptions, CheckedBoard, Ended, Finding, NoBoard, Outcome, TAKES, run};
+pub use table::{Demand, demands, section_title, selects};
