@@ -25,6 +25,8 @@ pub(crate) use session::{Begins, HEARTBEAT_WITHIN};
 pub(crate) const HOST_ADDS: Duration = Duration::from_millis(20);
 /// A board that says nothing for so long is gone: three heartbeats missed (section 9).
 const SILENCE: Duration = Duration::from_millis(3500);
+/// A message id that no version has; a REQUEST of it gets NAK 2 whatever its payload. Neither of its bytes is zero.
+pub(crate) const NO_MESSAGE: u16 = 0x7F7F;
 /// Frames that a check may hear: ten times those of the busiest one.
 const MOST_HEARD: usize = 100_000;
 

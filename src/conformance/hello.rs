@@ -8,6 +8,7 @@ use gnc_protocol::{Call as _, Kind, PROTOCOL_VERSION};
 
 use crate::check::checks;
 use crate::driver::{Driver, HEARTBEAT_WITHIN, HOST_ADDS, ms, name_of};
+use crate::examples::slow;
 use crate::stop::{Verdict, demand, failed};
 
 checks! { 6:
@@ -137,11 +138,6 @@ async fn new_nonce(driver: &mut Driver) -> Verdict {
     demand(!after.is_replayed(), || "a result of the session before was repeated".to_owned())?;
     after.body()?;
     Ok("the request of the session before was a new one".to_owned())
-}
-
-/// Half a second of work that changes nothing.
-fn slow() -> TimerMeasure {
-    TimerMeasure { timer: 0, period_us: 100_000, count: 5 }
 }
 
 async fn new_nonce_running(driver: &mut Driver) -> Verdict {

@@ -6,7 +6,11 @@
 
 mod check;
 mod driver;
+mod examples;
+mod frames;
+mod header;
 mod hello;
+mod payloads;
 mod raw;
 mod runner;
 mod stop;
