@@ -10,11 +10,14 @@ mod examples;
 mod frames;
 mod header;
 mod hello;
+mod life;
 mod payloads;
 mod raw;
+mod requests;
 mod runner;
 mod stop;
 mod table;
+mod together;
 
 pub use runner::{CheckEvent, CheckOptions, CheckedBoard, Ended, Finding, NoBoard, Outcome, TAKES, run};
 pub use table::{Demand, demands, section_title, selects};

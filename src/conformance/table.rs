@@ -1,7 +1,7 @@
 //! All checks, in the order of the document.
 
 use crate::check::Check;
-use crate::{frames, header, hello, payloads};
+use crate::{frames, header, hello, life, payloads, requests, together};
 
 /// What the document demands, without a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,7 +15,15 @@ pub struct Demand {
 }
 
 /// The checks of all sections.
-const SECTIONS: &[&[Check]] = &[frames::CHECKS, header::CHECKS, payloads::CHECKS, hello::CHECKS];
+const SECTIONS: &[&[Check]] = &[
+    frames::CHECKS,
+    header::CHECKS,
+    payloads::CHECKS,
+    hello::CHECKS,
+    requests::CHECKS,
+    together::CHECKS,
+    life::CHECKS,
+];
 
 /// All checks, in the order of the document.
 pub(crate) fn checks() -> impl Iterator<Item = &'static Check> {
