@@ -5,17 +5,20 @@
 //! section of the document, what the document demands, and what was measured.
 
 mod check;
+mod codes;
 mod driver;
 mod examples;
 mod frames;
 mod header;
 mod hello;
 mod life;
+mod messages;
 mod payloads;
 mod raw;
 mod requests;
 mod runner;
 mod stop;
+mod streams;
 mod table;
 mod together;
 

@@ -1,7 +1,7 @@
 //! All checks, in the order of the document.
 
 use crate::check::Check;
-use crate::{frames, header, hello, life, payloads, requests, together};
+use crate::{codes, frames, header, hello, life, messages, payloads, requests, streams, together};
 
 /// What the document demands, without a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,6 +23,10 @@ const SECTIONS: &[&[Check]] = &[
     requests::CHECKS,
     together::CHECKS,
     life::CHECKS,
+    streams::CHECKS,
+    messages::CHECKS,
+    codes::CHECKS,
+    messages::patterns::CHECKS,
 ];
 
 /// All checks, in the order of the document.
