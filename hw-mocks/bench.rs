@@ -461,7 +461,7 @@ impl SimulatedBench {
     fn count_link(&mut self) {
         let (counters, sent) = match self.session_on {
             BoardPort::Serial => (self.decoder.counters(), self.slave.sent()),
-            BoardPort::Can => (self.can.counters(), self.can_slave.sent()),
+            BoardPort::Can => (self.can.counters(), self.can.messages()),
         };
         let reply = &mut self.board.link_counters;
         (reply.frames, reply.bad_checksum) = (counters.frames, counters.bad_checksum);

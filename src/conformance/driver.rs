@@ -5,6 +5,7 @@ mod session;
 
 use std::time::Duration;
 
+use gnc_link::can::Tap;
 use gnc_link::{Link, NoFrame, Tape};
 use gnc_protocol::can::{CanFrame, bus_time, worst_bits};
 use gnc_protocol::frame::{CRC, FrameError, HEADER, MAX_PAYLOAD, PROTOCOL_VERSION};
@@ -12,7 +13,7 @@ use gnc_protocol::message::{BoardHello, event};
 use gnc_protocol::serial::on_wire;
 use gnc_protocol::{Flags, Frame, Header, Kind, Payload, timing};
 use tokio::sync::watch;
-use tokio::time::{Instant, sleep_until};
+use tokio::time::{Instant, sleep_until, timeout};
 
 use crate::raw::{Ending, RawHeader, delimited, frame_bytes, stuff};
 use crate::stop::{Stop, Verdict, not_applicable};
@@ -53,6 +54,8 @@ impl Heard {
 #[derive(Debug)]
 pub(crate) struct Driver {
     link: Link,
+    /// The way to test frames of the bus.
+    tap: Option<Tap>,
     rate_bps: u32,
     /// Becomes true when a person stops the checks.
     stopped: watch::Receiver<bool>,
@@ -72,9 +75,14 @@ pub(crate) struct Driver {
 }
 
 impl Driver {
-    pub(crate) fn new(link: Link, rate_bps: u32, nonce: u32, stopped: watch::Receiver<bool>) -> Self {
+    pub(crate) fn new(mut link: Link, rate_bps: u32, nonce: u32, stopped: watch::Receiver<bool>) -> Self {
+        let tap = match &mut link {
+            Link::Can(link) => link.tap(),
+            Link::Serial(_) => None,
+        };
         Self {
             link,
+            tap,
             rate_bps,
             stopped,
             heeds_stop: true,
@@ -163,6 +171,12 @@ impl Driver {
             + timing::ACCEPT_WITHIN
             + self.line_time(answer)
             + HOST_ADDS
+    }
+
+    /// Sends a keep-alive now, so that none goes out by itself in the next half second.
+    pub(crate) fn keep_alive_now(&mut self) {
+        self.send_keep_alive();
+        self.keep_alive = Some(Instant::now() + timing::KEEP_ALIVE_EVERY);
     }
 
     /// Lets no sign of life go out from now on.
@@ -321,6 +335,25 @@ impl Driver {
     /// The board did not answer for so long, or the wait was ended.
     pub(crate) fn forgive_silence(&mut self) {
         self.last_heard = Instant::now();
+    }
+
+    /// Sends test frames on the bus; those that came back within this time, in their order.
+    pub(crate) async fn test_frames(&mut self, sent: &[CanFrame], within: Duration) -> Verdict<Vec<CanFrame>> {
+        let Some(tap) = self.tap.take() else { return Ok(Vec::new()) };
+        tap.drain().await;
+        for frame in sent {
+            // The bus takes it while this end listens.
+            if tap.send(*frame).await.is_err() {
+                return Err(Stop::Gone("the bus was closed".to_owned()));
+            }
+        }
+        let listened = self.listen(within).await;
+        let mut came = Vec::new();
+        while let Ok(Ok(frame)) = timeout(Duration::ZERO, tap.receive()).await {
+            came.push(frame);
+        }
+        self.tap = Some(tap);
+        listened.map(|()| came)
     }
 
     /// Leaves the line in a clean state.

@@ -7,7 +7,7 @@ use gnc_protocol::message::{
     FlashVerify, FlashWrite, GnssRestart, Identity, IoTest, LinkCounters, MakeSafe, ModulePower, RamTest, SciEcho,
     SpiTransfer, StreamStart, StreamStop, TimerMeasure,
 };
-use gnc_protocol::wire::{List, Wire as _};
+use gnc_protocol::wire::List;
 
 /// A list with these elements, as many as fit.
 pub(crate) fn list<T, const N: usize>(elements: impl IntoIterator<Item = T>) -> List<T, N> {

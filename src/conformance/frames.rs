@@ -40,13 +40,7 @@ const RUN: usize = 254;
 
 /// A REQUEST as bytes before stuffing, and what would answer it.
 fn request(driver: &mut Driver, message: u16, payload: &[u8]) -> (Asked, Vec<u8>) {
-    let asked = Asked {
-        request: driver.next_request(),
-        message,
-        from: driver.mark(),
-        sent: Instant::now(),
-        bytes: payload.len(),
-    };
+    let asked = Asked { request: driver.next_request(), message, from: driver.mark(), sent: Instant::now() };
     let header =
         RawHeader { version: PROTOCOL_VERSION, kind: Kind::Request as u8, flags: 0, request: asked.request, message };
     let bytes = frame_bytes(header, driver.take_sequence(), payload);
@@ -146,7 +140,7 @@ fn frame_with_full_run(driver: &mut Driver) -> (Asked, Vec<u8>) {
     let found = (1..=u8::MAX).map(|byte| frame_bytes(header(request), sequence, &vec![byte; payload]));
     let bytes = found.into_iter().find(|bytes| bytes[2..].iter().all(|byte| *byte != 0)).unwrap_or_default();
     let (from, sent) = (driver.mark(), Instant::now());
-    (Asked { request, message: NO_MESSAGE, from, sent, bytes: payload }, bytes)
+    (Asked { request, message: NO_MESSAGE, from, sent }, bytes)
 }
 
 async fn zeros(driver: &mut Driver) -> Verdict {
@@ -282,7 +276,7 @@ async fn unknown_kind(driver: &mut Driver) -> Verdict {
     driver.on_rs422()?;
     for kind in 8..=15 {
         let request = driver.next_request();
-        let asked = Asked { request, message: LinkCounters::ID, from: driver.mark(), sent: Instant::now(), bytes: 0 };
+        let asked = Asked { request, message: LinkCounters::ID, from: driver.mark(), sent: Instant::now() };
         let header = RawHeader { version: PROTOCOL_VERSION, kind, flags: 0, request, message: LinkCounters::ID };
         let bytes = frame_bytes(header, driver.take_sequence(), &[]);
         driver.send_bytes(&delimited(&stuff(&bytes, Ending::Bare)));

@@ -4,6 +4,7 @@
 //! with which bytes. What `gnc-board` repeats or passes over, a check sees. Each check has a short name that stays, the
 //! section of the document, what the document demands, and what was measured.
 
+mod can;
 mod check;
 mod codes;
 mod driver;

@@ -1,7 +1,7 @@
 //! All checks, in the order of the document.
 
 use crate::check::Check;
-use crate::{codes, frames, header, hello, life, messages, payloads, requests, streams, together};
+use crate::{can, codes, frames, header, hello, life, messages, payloads, requests, streams, together};
 
 /// What the document demands, without a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +27,7 @@ const SECTIONS: &[&[Check]] = &[
     messages::CHECKS,
     codes::CHECKS,
     messages::patterns::CHECKS,
+    can::CHECKS,
 ];
 
 /// All checks, in the order of the document.

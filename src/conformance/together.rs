@@ -6,7 +6,6 @@ use gnc_protocol::message::{
     Abort, AdRead, CpuWords, ErrorRecords, FlashErase, FlashId, Identity, IoTest, LinkCounters, ModulePower, RamTest,
     SciEcho, SpiTransfer, TimerMeasure, capability,
 };
-use gnc_protocol::wire::Wire as _;
 use gnc_protocol::{Call, Kind};
 
 use crate::check::checks;

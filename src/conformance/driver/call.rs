@@ -28,8 +28,6 @@ pub(crate) struct Asked {
     /// Where its answers begin among what was heard.
     pub(crate) from: usize,
     pub(crate) sent: Instant,
-    /// Bytes of its payload.
-    pub(crate) bytes: usize,
 }
 
 /// How a request ended.
@@ -116,7 +114,7 @@ impl Driver {
 
     /// Sends a request with this payload under this id, flags and version.
     pub(crate) fn post_as(&mut self, version: u8, flags: u8, request: u16, message: u16, payload: &[u8]) -> Asked {
-        let asked = Asked { request, message, from: self.mark(), sent: Instant::now(), bytes: payload.len() };
+        let asked = Asked { request, message, from: self.mark(), sent: Instant::now() };
         self.send(RawHeader { version, kind: Kind::Request as u8, flags, request, message }, payload);
         asked
     }

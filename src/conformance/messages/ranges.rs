@@ -6,7 +6,6 @@ use gnc_protocol::message::{
     AdRead, CpuFloats, CpuIntegers, CpuWords, FlashBlankCheck, FlashErase, FlashId, FlashVerify, FlashWrite,
     GnssRestart, IoTest, ModulePower, RamTest, SciEcho, SpiTransfer, StreamStart, StreamStop, TimerMeasure, capability,
 };
-use gnc_protocol::wire::Wire as _;
 
 use crate::driver::{Driver, name_of};
 use crate::examples::{list, nominal_calibration};
