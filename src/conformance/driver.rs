@@ -332,7 +332,7 @@ impl Driver {
         format!("came: {}", words.join(", "))
     }
 
-    /// The board did not answer for so long, or the wait was ended.
+    /// Begins to count the board's silence anew.
     pub(crate) fn forgive_silence(&mut self) {
         self.last_heard = Instant::now();
     }

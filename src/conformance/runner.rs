@@ -19,6 +19,8 @@ const BOARD_WITHIN: Duration = Duration::from_millis(3000);
 pub const TAKES: Duration = Duration::from_secs(90);
 /// Checks in a row that end in silence. After them the board is taken for gone, and the rest is not tried.
 const SILENT_CHECKS: u32 = 2;
+/// Checks in a row for which no session could be opened. After them only those are tried that need none.
+const CLOSED_CHECKS: u32 = 3;
 
 /// What the checks need to know.
 #[derive(Debug, Clone)]
@@ -135,28 +137,36 @@ pub async fn run(
     }
     let mut ended = Ended { findings: Vec::new(), stopped: false, safe: false };
     let mut told = Told::default();
-    let mut silent = 0;
+    let (mut silent, mut closed) = (0, 0);
+    driver.forgive_silence();
     for check in checks() {
         let demand = Demand { id: check.id, section: check.section, demand: check.demand };
         if options.only.as_deref().is_some_and(|only| !selects(only, &demand)) {
             continue;
         }
-        let verdict = if silent < SILENT_CHECKS {
+        let verdict = if silent >= SILENT_CHECKS {
+            Err(Stop::Failed("not tried: the board has fallen silent".to_owned()))
+        } else if closed >= CLOSED_CHECKS && check.begins != Begins::Anyhow {
+            Err(Stop::Failed("not tried: no session can be opened".to_owned()))
+        } else {
             told.before(check, tell);
             carry_out(&mut driver, check).await
-        } else {
-            Err(Stop::Failed("not tried: the board has fallen silent".to_owned()))
         };
         if verdict == Err(Stop::Cancelled) {
             ended.stopped = true;
             break;
         }
         told.board(&driver, tell);
-        silent = match &verdict {
-            Err(Stop::Silent(_) | Stop::Gone(_)) => silent + 1,
-            _ if silent < SILENT_CHECKS => 0,
-            _ => silent,
-        };
+        match &verdict {
+            Err(Stop::Silent(_) | Stop::Gone(_)) => {
+                silent += 1;
+                // A board that restarts is there again after two seconds.
+                driver.forgive_silence();
+            }
+            Err(Stop::Closed(_)) => closed += 1,
+            _ if check.begins == Begins::Anyhow || silent >= SILENT_CHECKS || closed >= CLOSED_CHECKS => {}
+            _ => (silent, closed) = (0, 0),
+        }
         let finding = finding(demand, verdict);
         tell(CheckEvent::Found(&finding));
         ended.findings.push(finding);
@@ -228,7 +238,7 @@ const WATCHDOG_SECTION: u8 = 9;
 fn finding(demand: Demand, verdict: Verdict) -> Finding {
     let (measured, outcome) = match verdict {
         Ok(measured) => (measured, Outcome::Passed),
-        Err(Stop::Failed(what)) => (what, Outcome::Failed),
+        Err(Stop::Failed(what) | Stop::Closed(what)) => (what, Outcome::Failed),
         Err(Stop::NotApplicable(why)) => (why, Outcome::NotApplicable),
         Err(Stop::Silent(span)) => (format!("the board fell silent: nothing came for {}", ms(span)), Outcome::Failed),
         Err(Stop::Gone(what)) => (what, Outcome::Failed),

@@ -12,6 +12,8 @@ pub(crate) enum Stop {
     Failed(String),
     /// The demand does not bind this board on this link: why.
     NotApplicable(String),
+    /// No session could be opened: what came instead.
+    Closed(String),
     /// The board fell silent for this long in the middle of the check.
     Silent(Duration),
     /// The port or interface went away: what the system said.

@@ -115,7 +115,7 @@ async fn rate(driver: &mut Driver) -> Verdict {
 }
 
 async fn count(driver: &mut Driver) -> Verdict {
-    let start = StreamStart { count: 25, ..on_link(driver, imu(200, 10)) };
+    let start = StreamStart { count: 25, ..on_link(driver, &imu(200, 10)) };
     let from = driver.mark();
     let answer = driver.call(&start).await?;
     let reply = answer.reply::<StreamStart>()?;
@@ -243,7 +243,7 @@ async fn closed(driver: &mut Driver, from: usize) -> Verdict<(u32, StreamStopRep
 async fn make_safe(driver: &mut Driver) -> Verdict {
     driver.disturb();
     let from = driver.mark();
-    let start = on_link(driver, imu(200, 10));
+    let start = on_link(driver, &imu(200, 10));
     driver.ask(&start).await?;
     driver.listen(SHORT).await?;
     driver.ask(&MakeSafe {}).await?;
@@ -262,7 +262,7 @@ async fn power_off(driver: &mut Driver) -> Verdict {
     driver.needs(capability::POWER)?;
     driver.disturb();
     let from = driver.mark();
-    let start = on_link(driver, imu(50, 10));
+    let start = on_link(driver, &imu(50, 10));
     driver.ask(&start).await?;
     driver.listen(SHORT).await?;
     driver.ask(&ModulePower { on: 0 }).await?;

@@ -9,7 +9,7 @@ use gnc_protocol::wire::Wire as _;
 use gnc_protocol::{Frame, Kind, timing};
 use tokio::time::Instant;
 
-use super::{Driver, ms};
+use super::{Driver, Heard, ms};
 use crate::raw::RawHeader;
 use crate::stop::{Stop, Verdict, failed};
 
@@ -38,7 +38,6 @@ pub(crate) enum Begins {
 impl Driver {
     /// Brings the board into the state in which a check begins.
     pub(crate) async fn begin(&mut self, begins: Begins) -> Verdict<()> {
-        self.forgive_silence();
         self.heard.clear();
         match begins {
             Begins::Anyhow => {
@@ -109,24 +108,27 @@ impl Driver {
         let from = self.mark();
         for _ in 0..HELLOS {
             self.say_hello((1, 1), nonce, 0);
-            let answer = |heard: &super::Heard| {
-                let frame = heard.of(Kind::Hello);
-                frame.is_some_and(|frame| hello_of(frame).is_none_or(|hello| hello.nonce == nonce))
+            // An answer to an earlier HELLO may still be on its way. A board that brings back another nonce is taken
+            // all the same: one check says so, and the others are about other things.
+            let own =
+                |heard: &Heard| heard.of(Kind::Hello).and_then(hello_of).is_some_and(|hello| hello.nonce == nonce);
+            let place = match self.until(from, HELLO_EVERY, own).await? {
+                Some(place) => Some(place),
+                None => self.until(from, Duration::ZERO, |heard| heard.of(Kind::Hello).is_some()).await?,
             };
-            if let Some(place) = self.until(from, HELLO_EVERY, answer).await? {
-                let Some(hello) = self.heard[place].of(Kind::Hello).and_then(hello_of) else {
-                    return failed("the board's HELLO does not read, so no session can be opened");
-                };
-                if hello.chosen != 1 {
-                    return failed(format!("the board chose version {} of 1 to 1", hello.chosen));
-                }
-                self.hello = hello;
-                self.keep_alive = Some(Instant::now() + timing::KEEP_ALIVE_EVERY);
-                return Ok(());
+            let Some(place) = place else { continue };
+            let Some(hello) = self.heard[place].of(Kind::Hello).and_then(hello_of) else {
+                return Err(Stop::Closed("the board's HELLO does not read, so no session can be opened".to_owned()));
+            };
+            if hello.chosen != 1 {
+                return Err(Stop::Closed(format!("the board chose version {} of 1 to 1", hello.chosen)));
             }
+            self.hello = hello;
+            self.keep_alive = Some(Instant::now() + timing::KEEP_ALIVE_EVERY);
+            return Ok(());
         }
         let came = self.came(from);
-        failed(format!("no answer to {HELLOS} HELLOs, so no session can be opened; {came}"))
+        Err(Stop::Closed(format!("no answer to {HELLOS} HELLOs, so no session can be opened; {came}")))
     }
 
     /// Switches the module on and waits until it says who it is.

@@ -55,9 +55,9 @@ pub(super) fn imu(rate_hz: u16, samples_per_frame: u8) -> StreamStart {
 }
 
 /// The same stream as it is asked for on CAN, where there is one sample in a frame.
-pub(super) fn on_link(driver: &Driver, start: StreamStart) -> StreamStart {
+pub(super) fn on_link(driver: &Driver, start: &StreamStart) -> StreamStart {
     let most = if driver.is_can() { 1 } else { u8::MAX };
-    StreamStart { samples_per_frame: start.samples_per_frame.min(most), ..start }
+    StreamStart { samples_per_frame: start.samples_per_frame.min(most), ..start.clone() }
 }
 
 /// The frames of a stream that came behind `from`.
@@ -91,7 +91,7 @@ fn result_of(driver: &Driver, request: u16, from: usize) -> usize {
 
 /// Starts a stream, lets it run, and stops it.
 pub(super) async fn stream(driver: &mut Driver, start: &StreamStart, span: Duration) -> Verdict<Run> {
-    let start = on_link(driver, start.clone());
+    let start = on_link(driver, start);
     let from = driver.mark();
     let began = driver.call(&start).await?;
     let reply = began.reply::<StreamStart>()?;
