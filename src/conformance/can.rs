@@ -50,14 +50,12 @@ const MARK_EVERY: u32 = 64;
 const NUMBER: u64 = 0x3FF;
 
 async fn has_capability(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     let bits = driver.board().capabilities;
     demand(driver.can_do(capability::CAN), || format!("capabilities 0x{bits:X}, on CAN"))?;
     Ok(format!("0x{bits:X}"))
 }
 
 async fn heartbeat(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     driver.begin_tape();
     driver.listen(BEATS).await?;
     let of_beats = driver.tape().frames.iter().filter(|frame| frame.id() == CanId::Standard(id::BOARD_EVENTS));
@@ -104,7 +102,6 @@ async fn some_traffic(driver: &mut Driver) -> Verdict<()> {
 }
 
 async fn ids(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     some_traffic(driver).await?;
     let known = [id::BOARD_EVENTS, id::URGENT_TO_HOST, id::WORK_TO_HOST];
     for frame in &driver.tape().frames {
@@ -124,7 +121,6 @@ async fn ids(driver: &mut Driver) -> Verdict {
 }
 
 async fn whole(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     some_traffic(driver).await?;
     let transfers = transfers(&driver.tape().frames)?;
     demand(transfers.len() >= 8, || format!("{} messages of 9", transfers.len()))?;
@@ -132,7 +128,6 @@ async fn whole(driver: &mut Driver) -> Verdict {
 }
 
 async fn flow_control(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     some_traffic(driver).await?;
     let mut came = [0, 0];
     for frame in &driver.tape().frames {
@@ -159,7 +154,6 @@ fn request(driver: &mut Driver, kind: u8, message: u16, payload: &[u8]) -> (Aske
 const REQUEST: u8 = Kind::Request as u8;
 
 async fn padding(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     let (asked, bytes) = request(driver, REQUEST, LinkCounters::ID, &[]);
     send_by_hand(driver, &bytes, Some(0xCC)).await?;
     driver.end_of(&asked).await?.body()?;
@@ -175,7 +169,6 @@ async fn goes_on(driver: &mut Driver) -> Verdict<()> {
 }
 
 async fn bad_checksum(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     let (asked, mut bytes) = request(driver, REQUEST, LinkCounters::ID, &[]);
     if let Some(last) = bytes.last_mut() {
         *last ^= 0x10;
@@ -187,7 +180,6 @@ async fn bad_checksum(driver: &mut Driver) -> Verdict {
 }
 
 async fn unknown_kind(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     for kind in [8, 15] {
         let (asked, bytes) = request(driver, kind, LinkCounters::ID, &[]);
         send_by_hand(driver, &bytes, None).await?;
@@ -198,7 +190,6 @@ async fn unknown_kind(driver: &mut Driver) -> Verdict {
 }
 
 async fn out_of_turn(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     let (asked, bytes) = request(driver, REQUEST, LinkCounters::ID, &[]);
     begun(driver, &bytes).await?;
     // The second of the consecutive frames where the first was due.
@@ -209,7 +200,6 @@ async fn out_of_turn(driver: &mut Driver) -> Verdict {
 }
 
 async fn stray(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     for under in [id::WORK_TO_BOARD, id::URGENT_TO_BOARD] {
         send(driver, under, &[0x21, 1, 2, 3, 4, 5, 6, 7]);
         send(driver, under, &[0x30, 0, 0]);
@@ -220,7 +210,6 @@ async fn stray(driver: &mut Driver) -> Verdict {
 }
 
 async fn first_amid(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     let (asked, bytes) = request(driver, REQUEST, NO_MESSAGE, &[0x11; 100]);
     begun(driver, &bytes).await?;
     send(driver, id::WORK_TO_BOARD, &[&[0x21], &bytes[6..13]].concat());
@@ -230,7 +219,6 @@ async fn first_amid(driver: &mut Driver) -> Verdict {
 }
 
 async fn single_frame(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     for under in [id::WORK_TO_BOARD, id::URGENT_TO_BOARD] {
         send(driver, under, &[0x07, 0x11, 0, 1, 0, 5, 0, 9]);
     }
@@ -242,7 +230,6 @@ async fn single_frame(driver: &mut Driver) -> Verdict {
 }
 
 async fn too_long(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     driver.begin_tape();
     send(driver, id::WORK_TO_BOARD, &[0x12, 0x0D, 0x11, 0, 1, 0, 5, 0]);
     let flow = flow_after(driver).await?;
@@ -255,7 +242,6 @@ async fn too_long(driver: &mut Driver) -> Verdict {
 }
 
 async fn foreign_ids(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     let numbers = [0x000_u16, 0x012, 0x123, 0x2FF, 0x7FF];
     for number in numbers {
         send(driver, number, &[0x10, 0x0C, 1, 2, 3, 4, 5, 6]);
@@ -274,7 +260,6 @@ async fn foreign_ids(driver: &mut Driver) -> Verdict {
 }
 
 async fn urgent(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     let (asked, bytes) = request(driver, REQUEST, NO_MESSAGE, &[0x22; 400]);
     begun(driver, &bytes).await?;
     driver.ask(&Abort { request: 0x7ABC }).await?;
@@ -286,7 +271,6 @@ async fn urgent(driver: &mut Driver) -> Verdict {
 }
 
 async fn link_counters(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     let before = driver.ask(&LinkCounters {}).await?;
     let (_, bytes) = request(driver, REQUEST, NO_MESSAGE, &[0x33; 30]);
     begun(driver, &bytes).await?;
@@ -308,7 +292,6 @@ async fn link_counters(driver: &mut Driver) -> Verdict {
 }
 
 async fn imu_frames(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     driver.begin_tape();
     driver.ask(&StreamStart { stream: 1, rate_hz: 200, count: 150, samples_per_frame: 1 }).await?;
     driver.listen(Duration::from_millis(900)).await?;
@@ -367,7 +350,6 @@ async fn echoes(driver: &mut Driver) -> Verdict<(Vec<CanFrame>, Vec<CanFrame>)> 
 }
 
 async fn echo(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     let before = driver.ask(&CanCounters {}).await?;
     let (sent, came) = echoes(driver).await?;
     demand(came.len() == sent.len(), || format!("{} of {} came back", came.len(), sent.len()))?;
@@ -390,7 +372,6 @@ async fn echo(driver: &mut Driver) -> Verdict {
 }
 
 async fn no_echo(driver: &mut Driver) -> Verdict {
-    driver.on_can()?;
     driver.needs(capability::POWER)?;
     driver.ask(&ModulePower { on: 0 }).await?;
     let (sent, came) = echoes(driver).await?;

@@ -112,11 +112,6 @@ impl Driver {
         if self.is_can() { not_applicable("section 17 replaces section 3 on CAN") } else { Ok(()) }
     }
 
-    /// Ends a check that is about the bus, on any other link.
-    pub(crate) fn on_can(&self) -> Verdict<()> {
-        if self.is_can() { Ok(()) } else { not_applicable("the board is reached by RS-422") }
-    }
-
     /// The board's answer to the last HELLO that opened a session.
     pub(crate) fn board(&self) -> &BoardHello {
         &self.hello

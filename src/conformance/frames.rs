@@ -68,7 +68,6 @@ async fn answers(driver: &mut Driver, asked: Asked, wire: &[u8], what: &str) -> 
 }
 
 async fn delimiters(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     for _ in 0..3 {
         driver.ask(&LinkCounters {}).await?;
     }
@@ -92,7 +91,6 @@ async fn delimiters(driver: &mut Driver) -> Verdict {
 }
 
 async fn clean(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     for _ in 0..3 {
         driver.ask(&LinkCounters {}).await?;
     }
@@ -103,14 +101,12 @@ async fn clean(driver: &mut Driver) -> Verdict {
 }
 
 async fn checksum(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let (asked, wire) = good(driver);
     answers(driver, asked, &wire, "a REQUEST with a good checksum").await?;
     Ok("good in both directions".to_owned())
 }
 
 async fn full_run(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     for ending in [Ending::Bare, Ending::LastCode] {
         let (asked, bytes) = frame_with_full_run(driver);
         let stuffed = stuff(&bytes, ending);
@@ -144,14 +140,12 @@ fn frame_with_full_run(driver: &mut Driver) -> (Asked, Vec<u8>) {
 }
 
 async fn zeros(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let (asked, bytes) = request(driver, NO_MESSAGE, &[0; 300]);
     answers(driver, asked, &delimited(&stuff(&bytes, Ending::Bare)), "a frame of 300 zeros").await?;
     Ok("300 zeros were taken".to_owned())
 }
 
 async fn longest(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     for byte in [0x55, 0] {
         let (asked, bytes) = request(driver, NO_MESSAGE, &[byte; 512]);
         answers(driver, asked, &delimited(&stuff(&bytes, Ending::Bare)), "a frame of 524 bytes").await?;
@@ -160,7 +154,6 @@ async fn longest(driver: &mut Driver) -> Verdict {
 }
 
 async fn empty_space(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let (asked, wire) = good(driver);
     let mut bytes = vec![0; 40];
     bytes.extend_from_slice(&wire);
@@ -169,7 +162,6 @@ async fn empty_space(driver: &mut Driver) -> Verdict {
 }
 
 async fn shared_delimiter(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let ((first, wire), (second, mut next)) = (good(driver), good(driver));
     next.remove(0);
     driver.send_bytes(&[wire, next].concat());
@@ -180,7 +172,6 @@ async fn shared_delimiter(driver: &mut Driver) -> Verdict {
 }
 
 async fn pieces(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let (asked, wire) = good(driver);
     for piece in wire.chunks(4) {
         driver.send_bytes(piece);
@@ -191,7 +182,6 @@ async fn pieces(driver: &mut Driver) -> Verdict {
 }
 
 async fn rubbish(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let rubbish: [&[u8]; 4] =
         [&[0xA5; 40], &[0xFF; 3], b"boot: hello world\r\n", &[1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]];
     for bytes in rubbish {
@@ -203,7 +193,6 @@ async fn rubbish(driver: &mut Driver) -> Verdict {
 }
 
 async fn cut(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     for kept in [2, 5, 9] {
         let (_, wire) = good(driver);
         driver.send_bytes(&wire[..kept]);
@@ -213,7 +202,6 @@ async fn cut(driver: &mut Driver) -> Verdict {
 }
 
 async fn too_many_bytes(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     for count in [528, 3000] {
         driver.send_bytes(&vec![0x11; count]);
         driver.send_bytes(&[0]);
@@ -223,7 +211,6 @@ async fn too_many_bytes(driver: &mut Driver) -> Verdict {
 }
 
 async fn bad_checksum(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     for bit in [0, 31] {
         let (asked, mut bytes) = request(driver, LinkCounters::ID, &[]);
         let last = bytes.len() - 4 + bit / 8;
@@ -236,7 +223,6 @@ async fn bad_checksum(driver: &mut Driver) -> Verdict {
 }
 
 async fn broken_stuffing(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let (asked, bytes) = request(driver, LinkCounters::ID, &[]);
     let mut stuffed = stuff(&bytes, Ending::Bare);
     stuffed.pop();
@@ -247,7 +233,6 @@ async fn broken_stuffing(driver: &mut Driver) -> Verdict {
 }
 
 async fn short(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let from = driver.mark();
     // A checksum of nothing is 0; of seven bytes it is good too.
     let mut seven = vec![0x11, 0, 1, 0, 5, 0, 9];
@@ -264,7 +249,6 @@ async fn short(driver: &mut Driver) -> Verdict {
 }
 
 async fn long(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let (asked, bytes) = request(driver, NO_MESSAGE, &[0x33; 513]);
     driver.send_bytes(&delimited(&stuff(&bytes, Ending::Bare)));
     driver.unanswered(&asked, NO_ANSWER_WITHIN, "a frame of 525 bytes").await?;
@@ -273,7 +257,6 @@ async fn long(driver: &mut Driver) -> Verdict {
 }
 
 async fn unknown_kind(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     for kind in 8..=15 {
         let request = driver.next_request();
         let asked = Asked { request, message: LinkCounters::ID, from: driver.mark(), sent: Instant::now() };
@@ -287,7 +270,6 @@ async fn unknown_kind(driver: &mut Driver) -> Verdict {
 }
 
 async fn long_answer(driver: &mut Driver) -> Verdict {
-    driver.on_rs422()?;
     let words: List<u32, 64> = (0..64).map(|index| 0x0101_0101 * (index % 255 + 1)).collect();
     let came = driver.ask(&CpuWords { core: 1, target: 1, words: words.clone() }).await?.words;
     demand(came == words, || format!("{} words came back, not the 64 that were sent", came.len()))?;

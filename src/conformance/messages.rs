@@ -39,7 +39,7 @@ checks! { 11:
     "can.counters" Powered can_counters "CanCounters gives state 0 to 2 and the counters of the module's controller",
     "calibration.read" Powered calibration_read "CalibrationRead gives state, counter, checksum and the 300 bytes",
     "calibration.unwritten" Powered calibration_unwritten "CalibrationCommit gets NAK 4 if nothing was written since power-on",
-    "calibration.commit" Powered calibration_commit "CalibrationCommit stores what was written",
+    "calibration.commit" Anyhow calibration_commit "CalibrationCommit stores what was written",
 }
 
 /// Section 13: memory patterns.

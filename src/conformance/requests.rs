@@ -47,8 +47,6 @@ const SAFE_WITHIN: Duration = Duration::from_millis(250);
 /// First PROGRESS after ACCEPT, and from one to the next; the most between two.
 const PROGRESS_EVERY: Duration = Duration::from_millis(400);
 const PROGRESS_AT_MOST: Duration = Duration::from_millis(500);
-/// Share by which a timer of the module may be off: far beyond any crystal.
-const TIMER_OFF: f64 = 0.01;
 
 /// Two seconds of work that changes nothing and sends four PROGRESS.
 fn long() -> TimerMeasure {
@@ -135,8 +133,6 @@ async fn elapsed(driver: &mut Driver) -> Verdict {
     demand(board <= link + slack && board + slack >= link, || {
         format!("elapsed_us says {}, from ACCEPT to RESULT passed {}", ms(board), ms(link))
     })?;
-    let least = Duration::from_millis(500).mul_f64(1.0 - TIMER_OFF);
-    demand(board >= least, || format!("elapsed_us says {} for 5 intervals of 100 ms", ms(board)))?;
     Ok(format!("{} of board time, {} on the link", ms(board), ms(link)))
 }
 

@@ -144,7 +144,9 @@ pub async fn run(
         if options.only.as_deref().is_some_and(|only| !selects(only, &demand)) {
             continue;
         }
-        let verdict = if silent >= SILENT_CHECKS {
+        let verdict = if let Some(why) = other_link(&driver, check) {
+            Err(Stop::NotApplicable(why.to_owned()))
+        } else if silent >= SILENT_CHECKS {
             Err(Stop::Failed("not tried: the board has fallen silent".to_owned()))
         } else if closed >= CLOSED_CHECKS && check.begins != Begins::Anyhow {
             Err(Stop::Failed("not tried: no session can be opened".to_owned()))
@@ -222,18 +224,43 @@ async fn carry_out(driver: &mut Driver, check: &Check) -> Verdict {
     if !matches!(verdict, Ok(_) | Err(Stop::NotApplicable(_))) {
         driver.disturb();
     }
-    // A board that restarted in the middle explains more than what was missed.
-    if let Err(Stop::Failed(what)) = &verdict
-        && driver.heard().iter().any(|heard| heard.is(Kind::Event, event::WATCHDOG))
-        && check.section != WATCHDOG_SECTION
-    {
-        return Err(Stop::Failed(format!("{what}; its watchdog ended the session meanwhile")));
+    match verdict {
+        Err(Stop::Failed(what)) => Err(Stop::Failed(match explained(driver, check) {
+            Some(why) => format!("{what}; {why}"),
+            None => what,
+        })),
+        other => other,
     }
-    verdict
 }
 
-/// The section with the checks that let the watchdog end the session.
-const WATCHDOG_SECTION: u8 = 9;
+/// Why a check is not for this link: section 17 replaces section 3 on CAN.
+fn other_link(driver: &Driver, check: &Check) -> Option<&'static str> {
+    match (check.section, driver.is_can()) {
+        (FRAMES_SECTION, true) => Some("the board is reached by CAN, where section 17 replaces this one"),
+        (CAN_SECTION, false) => Some("the board is reached by RS-422"),
+        _ => None,
+    }
+}
+
+/// What explains more than what was missed: the board restarted in the middle, or its watchdog fired.
+fn explained(driver: &Driver, check: &Check) -> Option<&'static str> {
+    let heard = driver.heard();
+    let boot_id = driver.board().boot_id.to_le_bytes();
+    let restarted = heard.iter().any(|heard| {
+        let beat = heard.of(Kind::Event).filter(|frame| frame.header.message == event::HEARTBEAT);
+        beat.is_some_and(|frame| !frame.payload.starts_with(&boot_id))
+    });
+    if restarted {
+        return Some("a heartbeat with another boot id came: did the board restart?");
+    }
+    let fired = heard.iter().any(|heard| heard.is(Kind::Event, event::WATCHDOG));
+    (fired && check.section != LIFE_SECTION).then_some("its watchdog ended the session meanwhile")
+}
+
+/// The sections of RS-422 alone, of CAN alone, and with the checks that let the watchdog end the session.
+const FRAMES_SECTION: u8 = 3;
+const CAN_SECTION: u8 = 17;
+const LIFE_SECTION: u8 = 9;
 
 fn finding(demand: Demand, verdict: Verdict) -> Finding {
     let (measured, outcome) = match verdict {

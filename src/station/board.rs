@@ -165,7 +165,10 @@ impl Face {
             "{checks} checks against docs/ICD.md over {}.{takes} Nothing else may use the board meanwhile.",
             printable(target)
         ));
-        self.say("Flash checks write to scratch sectors only; the calibration stays as it is; at the end the board is made safe.");
+        self.say(
+            "The module in the socket must be a good one. Flash checks write to its scratch sectors only, its calibration stays as it is, \
+             and at the end the board is made safe.",
+        );
     }
 
     fn show(&mut self, event: &CheckEvent<'_>) {

@@ -275,7 +275,7 @@ pub(super) async fn calibration_unwritten(driver: &mut Driver) -> Verdict {
     Ok(format!("NAK 4 to {}", CalibrationCommit::NAME))
 }
 
-pub(super) async fn calibration_commit(driver: &mut Driver) -> Verdict {
-    driver.needs(capability::CALIBRATION)?;
+/// A function like the others, so that the table says what is not tried, and why.
+pub(super) async fn calibration_commit(_: &mut Driver) -> Verdict {
     not_applicable("not tried: it changes the module")
 }
