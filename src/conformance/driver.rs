@@ -26,6 +26,8 @@ pub(crate) use session::{Begins, HEARTBEAT_WITHIN};
 pub(crate) const HOST_ADDS: Duration = Duration::from_millis(20);
 /// A board that says nothing for so long is gone: three heartbeats missed (section 9).
 const SILENCE: Duration = Duration::from_millis(3500);
+/// How much later than that it is noticed.
+const LOOK: Duration = Duration::from_millis(1);
 /// A message id that no version has; a REQUEST of it gets NAK 2 whatever its payload. Neither of its bytes is zero.
 pub(crate) const NO_MESSAGE: u16 = 0x7F7F;
 /// Frames that a check may hear: ten times those of the busiest one.
@@ -246,7 +248,7 @@ impl Driver {
                 self.send_keep_alive();
                 self.keep_alive = Some(now + timing::KEEP_ALIVE_EVERY);
             }
-            let wake = until.min(self.keep_alive.unwrap_or(until)).min(self.last_heard + SILENCE * 2);
+            let wake = until.min(self.keep_alive.unwrap_or(until)).min(self.last_heard + SILENCE + LOOK);
             let event = tokio::select! {
                 biased;
                 _ = self.stopped.wait_for(|stopped| *stopped), if self.heeds_stop => return Err(Stop::Cancelled),

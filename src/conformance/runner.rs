@@ -17,6 +17,8 @@ use crate::table::{Demand, checks, selects};
 const BOARD_WITHIN: Duration = Duration::from_millis(3000);
 /// What all checks take together with a board that does what the document demands.
 pub const TAKES: Duration = Duration::from_secs(90);
+/// How often it is greeted meanwhile.
+const GREETED_EVERY: Duration = Duration::from_millis(500);
 /// Checks in a row that end in silence. After them the board is taken for gone, and the rest is not tried.
 const SILENT_CHECKS: u32 = 2;
 /// Checks in a row for which no session could be opened. After them only those are tried that need none.
@@ -113,7 +115,10 @@ impl fmt::Display for NoBoard {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.gone {
             Some(gone) => f.write_str(gone),
-            None => write!(f, "nothing came from a board within {}: no heartbeat, no answer to HELLO", ms(self.waited)),
+            None => {
+                let waited_s = self.waited.as_secs_f64();
+                write!(f, "nothing came from a board within {waited_s:.1} s: no heartbeat, no answer to HELLO")
+            }
         }
     }
 }
@@ -207,12 +212,16 @@ impl Told {
 /// Waits until anything comes from a board: a heartbeat, an answer to HELLO, or bytes that are no frame.
 async fn find(driver: &mut Driver) -> Result<(), NoBoard> {
     let nonce = driver.new_nonce();
-    driver.say_hello((1, 1), nonce, 0);
-    match driver.until(0, BOARD_WITHIN, |_| true).await {
-        Ok(Some(_)) | Err(Stop::Cancelled) => Ok(()),
-        Err(Stop::Gone(gone)) => Err(NoBoard { waited: BOARD_WITHIN, gone: Some(gone) }),
-        Ok(None) | Err(_) => Err(NoBoard { waited: BOARD_WITHIN, gone: None }),
+    let mut waited = Duration::ZERO;
+    while waited < BOARD_WITHIN {
+        driver.say_hello((1, 1), nonce, 0);
+        match driver.until(0, GREETED_EVERY, |_| true).await {
+            Ok(Some(_)) | Err(Stop::Cancelled) => return Ok(()),
+            Err(Stop::Gone(gone)) => return Err(NoBoard { waited, gone: Some(gone) }),
+            Ok(None) | Err(_) => waited += GREETED_EVERY,
+        }
     }
+    Err(NoBoard { waited, gone: None })
 }
 
 /// Carries out a check from the state in which it begins.

@@ -60,7 +60,7 @@ async fn layout(driver: &mut Driver) -> Verdict {
 }
 
 async fn result_first(driver: &mut Driver) -> Verdict {
-    let Run { started, frames, .. } = stream(driver, &imu(200, 1), SHORT).await?;
+    let Run { started, frames, .. } = stream(driver, &imu(50, 1), SHORT).await?;
     let Some(first) = frames.first() else { return failed("no frame came") };
     demand(started < first.place, || "a STREAM frame came before the RESULT of StreamStart".to_owned())?;
     Ok("RESULT, then frames".to_owned())

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test may end with a panic and says what it saw")]
 
 mod breaches;
+mod command;
 mod modules;
 mod rig;
 

@@ -1,7 +1,5 @@
 //! `gnc-station board check` as a program: what it says, its exit codes, its JSON.
 
-#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
-
 use gnc_tests::{Place, Run};
 use insta::assert_snapshot;
 use serde_json::Value;
@@ -28,29 +26,65 @@ fn said(run: &Run) -> String {
 fn a_good_board_passes() {
     let run = check(&["--sim", "--only", "5"]);
     assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""), "{}", run.stdout);
-    assert_snapshot!(said(&run), @"");
+    assert_snapshot!(said(&run), @r"
+    4 checks against docs/ICD.md over PORT at 921600 bit/s. Nothing else may use the board meanwhile.
+    The module in the socket must be a good one. Flash checks write to its scratch sectors only, its calibration stays as it is, and at the end the board is made safe.
+    Board SIM-BOARD-1, firmware sim 1.0.0, capabilities 0x7.
+
+    5 How payloads are laid out
+      pass payload.short                22 messages with a byte too few got NAK 3
+      pass payload.long                 27 messages with a byte too many got NAK 3
+      pass payload.count                5 messages with one element too many got NAK 3
+      pass payload.count-beyond         5 messages got NAK 3
+
+    4 passed, 0 failed, 0 not applicable
+    ");
 }
 
 #[test]
 fn a_failure_says_what_came_and_what_is_demanded() {
     let run = check(&["--sim=core-2-multiplier", "--only", "cpu"]);
     assert_eq!((run.code, run.stderr.as_str()), (Some(1), ""), "{}", run.stdout);
-    assert_snapshot!(said(&run), @"");
+    assert_snapshot!(said(&run), @r"
+    3 checks against docs/ICD.md over PORT at 921600 bit/s. Nothing else may use the board meanwhile.
+    The module in the socket must be a good one. Flash checks write to its scratch sectors only, its calibration stays as it is, and at the end the board is made safe.
+    The next checks switch the module on and off.
+    Board SIM-BOARD-1, firmware sim 1.0.0, capabilities 0x7.
+
+    11 Messages
+      pass cpu.words                    69 words four times
+      FAIL cpu.integers                 core 2: 7 and 2 give [9, 5, 6, 3, 1] instead of [9, 5, 14, 3, 1]
+           section 11 demands: CpuIntegers is 32-bit arithmetic: low 32 bits, quotient towards zero, remainder with the sign of a
+      pass cpu.floats                   10 pairs on both cores, bit by bit
+
+    2 passed, 1 failed, 0 not applicable
+    ");
 }
 
 #[test]
 fn the_board_is_checked_over_can() {
     let run = check(&["--sim", "--sim-link", "can", "--only", "can.f"]);
     assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""), "{}", run.stdout);
-    assert_snapshot!(said(&run), @"");
+    assert_snapshot!(said(&run), @r"
+    3 checks against docs/ICD.md over PORT at 500000 bit/s. Nothing else may use the board meanwhile.
+    The module in the socket must be a good one. Flash checks write to its scratch sectors only, its calibration stays as it is, and at the end the board is made safe.
+    Board SIM-BOARD-1, firmware sim 1.0.0, capabilities 0x7.
+
+    17 CAN
+      pass can.flow-control             once for each of 5 messages
+      pass can.first-amid               the new one was done, the one before got no answer
+      pass can.foreign-ids              8 frames changed nothing
+
+    3 passed, 0 failed, 0 not applicable
+    ");
 }
 
 #[test]
 fn programs_read_the_findings_as_json() {
     let run = check(&["--sim=core-2-multiplier", "--only", "cpu", "--json"]);
     assert_eq!(run.code, Some(1), "{}", run.stderr);
-    let found: Value = serde_json::from_str(&run.stdout).expect("JSON");
-    let found = found.as_array().expect("an array");
+    let found: Value = serde_json::from_str(&run.stdout).unwrap();
+    let found = found.as_array().unwrap();
     let outcomes: Vec<_> = found.iter().map(|one| (one["id"].as_str(), one["outcome"].as_str())).collect();
     assert_eq!(
         outcomes,
@@ -68,14 +102,20 @@ fn programs_read_the_findings_as_json() {
 fn no_board_is_no_failed_check() {
     let run = check(&["--sim=silent-board"]);
     assert_eq!(run.code, Some(3), "{}{}", run.stdout, run.stderr);
-    assert_snapshot!(run.stderr, @"");
+    assert_snapshot!(run.stderr, @r"
+    gnc-station: nothing came from a board within 3.0 s: no heartbeat, no answer to HELLO
+      try: check the board's power, the wiring and the rate; section 16 of docs/ICD.md goes step by step
+    ");
 }
 
 #[test]
 fn what_cannot_be_checked_is_refused() {
     let run = check(&["--sim", "--only", "watchdogs"]);
     assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""), "{}", run.stderr);
-    assert_snapshot!(run.stderr, @"");
+    assert_snapshot!(run.stderr, @r#"
+    gnc-station: no check is named "watchdogs"
+      try: name a section (3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 17) or the beginning of a check, such as hello
+    "#);
     // Neither a bench file nor the simulated board.
     let run = check(&[]);
     assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""), "{}", run.stderr);
