@@ -72,6 +72,8 @@ pub(crate) struct Driver {
     keep_alive: Option<Instant>,
     /// The answer to the last HELLO that opened a session.
     hello: BoardHello,
+    /// Whether checks may change what the module keeps.
+    may_change: bool,
     /// Whether a session is open and the module is under power and has answered.
     ready: bool,
 }
@@ -95,6 +97,7 @@ impl Driver {
             nonce,
             keep_alive: None,
             hello: BoardHello::default(),
+            may_change: false,
             ready: false,
         }
     }
@@ -130,6 +133,16 @@ impl Driver {
             return Ok(());
         }
         not_applicable(format!("the board does not have capability bit {}", capability.trailing_zeros()))
+    }
+
+    /// Lets checks change what the module keeps: it is simulated.
+    pub(crate) fn let_change_module(&mut self) {
+        self.may_change = true;
+    }
+
+    /// Whether checks may change what the module keeps.
+    pub(crate) fn may_change_module(&self) -> bool {
+        self.may_change
     }
 
     /// What came since the check began.

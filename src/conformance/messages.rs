@@ -6,7 +6,7 @@ mod module;
 mod ranges;
 
 use crate::check::checks;
-use board::{error_records, link_counters, power_off, power_on, power_twice};
+use board::{error_records, error_records_from, link_counters, power_off, power_on, power_twice};
 use memory::{flash_and, flash_id, flash_pattern, flash_protected, ram, ram_sdram};
 use module::{
     ad, ad_channels, calibration_commit, calibration_read, calibration_unwritten, can_counters, cpu_floats,
@@ -19,6 +19,7 @@ checks! { 11:
     "power.twice" Powered power_twice "switching on what is on, or off what is off, is no error",
     "power.off" Powered power_off "ModulePower off takes the power away: Identity gets NAK 6",
     "error-records.empty" Session error_records "a new session starts without error records",
+    "error-records.from" Powered error_records_from "ErrorRecords gives the records from an index on, rising; a new session has none of them",
     "link-counters" Session link_counters "LinkCounters counts as section 3 says: good, wrong checksum, malformed, missing, sent",
     "range.fields" Powered ranges "a field outside its range gets NAK 4, in every message",
     "range.streams" Powered ranges_stream "StreamStart and StreamStop refuse fields outside their ranges by NAK 4",
@@ -39,7 +40,7 @@ checks! { 11:
     "can.counters" Powered can_counters "CanCounters gives state 0 to 2 and the counters of the module's controller",
     "calibration.read" Powered calibration_read "CalibrationRead gives state, counter, checksum and the 300 bytes",
     "calibration.unwritten" Powered calibration_unwritten "CalibrationCommit gets NAK 4 if nothing was written since power-on",
-    "calibration.commit" Anyhow calibration_commit "CalibrationCommit stores what was written",
+    "calibration.commit" Powered calibration_commit "CalibrationCommit stores what was written, unless the checksum is another one, and it reads the same after a power cycle",
 }
 
 /// Section 13: memory patterns.

@@ -31,6 +31,8 @@ pub struct CheckOptions {
     pub rate_bps: u32,
     /// Any number, another one each time: the nonces of the sessions begin there.
     pub nonce: u32,
+    /// Whether the module is simulated: only then a check commits a calibration to it.
+    pub simulated: bool,
     /// Only this section's checks (its number), or those whose names begin so.
     pub only: Option<String>,
 }
@@ -136,6 +138,9 @@ pub async fn run(
     tell: &mut dyn FnMut(CheckEvent<'_>),
 ) -> Result<Ended, NoBoard> {
     let mut driver = Driver::new(link, options.rate_bps, options.nonce, stopped);
+    if options.simulated {
+        driver.let_change_module();
+    }
     if let Err(no_board) = find(&mut driver).await {
         driver.close().await;
         return Err(no_board);

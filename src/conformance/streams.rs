@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use gnc_protocol::Kind;
 use gnc_protocol::calibration::CalibrationRead;
-use gnc_protocol::message::{MakeSafe, ModulePower, StreamStart, StreamStop, StreamStopReply, capability};
+use gnc_protocol::message::{
+    LinkCounters, MakeSafe, ModulePower, StreamStart, StreamStop, StreamStopReply, capability,
+};
 
 use crate::check::checks;
 use crate::driver::{Driver, HOST_ADDS, ms};
@@ -38,6 +40,7 @@ checks! { 10:
     "stream.gnss" Powered gnss "the GNSS stream is NMEA sentences as bytes, numbered without a gap",
     "stream.pps" Powered pps "a capture of 1PPS is board time in ns, one in a frame",
     "stream.compensated" Powered compensated "the compensated stream has samples of 46 bytes on a grid of its own, or NAK 10 without a calibration",
+    "stream.answers-first" Powered answers_first "answers go before STREAM frames that wait: ACCEPT within 50 ms beside a fast stream",
     "stream.together" Powered together "all streams may run side by side",
 }
 
@@ -45,6 +48,8 @@ checks! { 10:
 const SHORT: Duration = Duration::from_millis(500);
 /// How long the rate is watched.
 const LONG: Duration = Duration::from_millis(2000);
+/// Requests that are timed beside a stream.
+const TIMED: u32 = 20;
 /// How long a stream that ended is watched.
 const AFTER: Duration = Duration::from_millis(250);
 
@@ -93,7 +98,7 @@ async fn grid(driver: &mut Driver) -> Verdict {
         }
         let span = if rate_hz < 10 { LONG / 2 } else { SHORT };
         let run = stream(driver, &imu(rate_hz, per_frame), span).await?;
-        on_grid(&run.frames, rate_hz)?;
+        on_grid(driver, &run.frames, rate_hz)?;
         rates.push(format!("{rate_hz}"));
     }
     Ok(format!("at {} Hz", rates.join(", ")))
@@ -283,6 +288,28 @@ async fn new_session(driver: &mut Driver) -> Verdict {
     let StreamStopReply { produced, dropped } = driver.ask(&StreamStop { stream: 1 }).await?;
     demand((produced, dropped) == (0, 0), || format!("{produced} produced, {dropped} dropped in a new session"))?;
     Ok("zeros in the next session".to_owned())
+}
+
+async fn answers_first(driver: &mut Driver) -> Verdict {
+    let (rate_hz, per_frame) =
+        [(1000, 10), (200, 10)].into_iter().find(|(rate, n)| fits(driver, 1, *rate, *n)).unwrap_or((50, 1));
+    let start = on_link(driver, &imu(rate_hz, per_frame));
+    driver.ask(&start).await?;
+    let limit = driver.accept_limit(0, 4);
+    let mut longest = Duration::ZERO;
+    for _ in 0..TIMED {
+        let asked = driver.post(&LinkCounters {});
+        let after = driver.accepted(&asked).await? - asked.sent;
+        driver.end_of(&asked).await?.body()?;
+        longest = longest.max(after);
+        // The next one falls elsewhere between two frames.
+        driver.listen(Duration::from_millis(7)).await?;
+    }
+    driver.ask(&StreamStop { stream: 1 }).await?;
+    demand(longest <= limit, || {
+        format!("ACCEPT after {} beside {rate_hz} Hz, at most {} on this line", ms(longest), ms(limit))
+    })?;
+    Ok(format!("at most {} of {TIMED} beside {rate_hz} Hz", ms(longest)))
 }
 
 /// Whether the module says that it holds a calibration in force.

@@ -113,6 +113,7 @@ fn check(args: &CheckArgs, line: &BoardLine) -> Result<Result<Ended, NoBoard>, C
             rate_bps: line.target.rate_bps(),
             // Two runs must not have a nonce in common, and no more: the hasher's chance is enough.
             nonce: RandomState::new().hash_one(()) as u32,
+            simulated: args.sim.is_some(),
             only: args.only.clone(),
         };
         let mut face = Face { json: args.json, section: 0 };

@@ -48,7 +48,7 @@ fn as_it_is(frame: &Frame) -> Vec<(Duration, Vec<u8>)> {
 #[test]
 fn late_answers() {
     let late = Breach::to_host(|frame, _| vec![(Duration::from_millis(90), encode(&frame).to_vec())]);
-    fails(late, &["hello.time", "request.accept-time", "request.nak-time"]);
+    fails(late, &["hello.time", "request.accept-time", "request.nak-time", "stream.answers-first"]);
 }
 
 #[test]
@@ -236,6 +236,7 @@ fn a_refusal_with_another_code() {
         "range.streams",
         "range.calibration",
         "calibration.unwritten",
+        "calibration.commit",
         "nak.running-id-first",
     ];
     fails(coded, &expected);

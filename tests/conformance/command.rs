@@ -1,9 +1,15 @@
 //! `gnc-station board check` as a program: what it says, its exit codes, its JSON.
 
-use gnc_tests::{Place, Run};
+use std::io::{BufRead as _, BufReader};
+use std::process::Stdio;
+
+use gnc_tests::{Board, Place, Run};
 use insta::assert_snapshot;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use serde_json::Value;
 
+const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
 /// Checks of the simulated board that compare no time with the wall clock.
@@ -124,4 +130,28 @@ fn what_cannot_be_checked_is_refused() {
     let run = place.run(["board", "check"]);
     assert_eq!(run.code, Some(3), "{}", run.stdout);
     assert!(run.stderr.contains("/dev/no-such-port"), "{}", run.stderr);
+}
+
+/// A person stops the checks while the module is under power.
+#[test]
+fn a_stop_leaves_the_module_without_power() {
+    let mut board = Board::start(MOCK, &[]);
+    let place = Place::new(STATION);
+    place.write("bench.toml", &board.bench_file("here"));
+    let mut station = place
+        .station(["board", "check", "--only", "11"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(station.stdout.take().unwrap()).lines().map(Result::unwrap);
+    // The next check begins with the module under power.
+    lines.find(|line| line.contains("power.twice")).unwrap();
+    lines.find(|line| line.contains("identity")).unwrap();
+    kill(Pid::from_raw(i32::try_from(station.id()).unwrap()), Signal::SIGINT).unwrap();
+    let rest: Vec<String> = lines.collect();
+    let said = station.wait_with_output().unwrap();
+    assert_eq!((said.status.code(), said.stderr.as_slice()), (Some(4), &b""[..]), "{rest:?}");
+    assert!(rest.iter().any(|line| line.starts_with("stopped; ")), "{rest:?}");
+    assert_eq!(board.truth("powered"), "false");
 }

@@ -97,7 +97,7 @@ pub(crate) fn checked_until(
         let began = Instant::now();
         let (stop, stopped) = watch::channel(false);
         let rate_bps = if wire == Wire::Can { 500_000 } else { bench.rate_baud };
-        let options = CheckOptions { rate_bps, nonce: 77, only: only.map(str::to_owned) };
+        let options = CheckOptions { rate_bps, nonce: 77, simulated: true, only: only.map(str::to_owned) };
         let mut found = 0;
         let mut tell = |event: CheckEvent<'_>| {
             found += usize::from(matches!(event, CheckEvent::Found(_)));

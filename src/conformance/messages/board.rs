@@ -1,13 +1,13 @@
 //! Messages of the board itself.
 
 use gnc_protocol::message::{
-    ErrorRecords, Identity, LinkCounters, LinkCountersReply, ModulePower, PowerReply, capability,
+    ErrorRecords, FlashId, FlashVerify, Identity, LinkCounters, LinkCountersReply, ModulePower, PowerReply, capability,
 };
 use gnc_protocol::{Call as _, Frame, Kind, PROTOCOL_VERSION};
 
 use crate::driver::Driver;
 use crate::raw::{Ending, RawHeader, delimited, frame_bytes, stuff};
-use crate::stop::{Verdict, demand, failed};
+use crate::stop::{Verdict, demand, failed, not_applicable};
 
 /// A supply of 5 V and the current of a module, with room for a bad one; other units are a thousand times off.
 const SUPPLY_UV: std::ops::RangeInclusive<u32> = 3_000_000..=7_000_000;
@@ -50,6 +50,39 @@ pub(super) async fn error_records(driver: &mut Driver) -> Verdict {
         demand((total, records) == (0, 0), || format!("from {from}: total {total}, {records} records"))?;
     }
     Ok("total 0, no record".to_owned())
+}
+
+/// A seed that no check writes, so that a sector holds another pattern.
+const NEVER_WRITTEN: u32 = 0x0BAD_5EED;
+
+pub(super) async fn error_records_from(driver: &mut Driver) -> Verdict {
+    if driver.ask(&FlashId { flash: 0 }).await?.scratch_sectors == 0 {
+        return not_applicable("the SPI flash has no scratch sector in which a check could find a mismatch");
+    }
+    driver.open().await?;
+    driver.power_on().await?;
+    // A supply that is out of range makes a record at power-on.
+    let before = driver.ask(&ErrorRecords { from: 0 }).await?.total;
+    let mut asked = Vec::new();
+    for _ in 0..3 {
+        let answer = driver.call(&FlashVerify { flash: 0, sector: 0, seed: NEVER_WRITTEN }).await?;
+        demand(answer.reply::<FlashVerify>()?.mismatches > 0, || "a seed that nobody wrote was found".to_owned())?;
+        asked.push((answer.asked.request, FlashVerify::ID));
+    }
+    for (skipped, from) in (0..).zip(before..=before + 3) {
+        let reply = driver.ask(&ErrorRecords { from }).await?;
+        let indexes: Vec<u16> = reply.records.iter().map(|record| record.index).collect();
+        let expected: Vec<u16> = (from..before + 3).collect();
+        demand(reply.total == before + 3 && indexes == expected, || {
+            format!("from {from}: total {}, records {indexes:?} instead of {expected:?}", reply.total)
+        })?;
+        let of: Vec<_> = reply.records.iter().map(|record| (record.request, record.message)).collect();
+        demand(of == asked[skipped..], || format!("records of requests {of:?} instead of {asked:?}"))?;
+    }
+    driver.open().await?;
+    let total = driver.ask(&ErrorRecords { from: 0 }).await?.total;
+    demand(total == 0, || format!("{total} records in a new session"))?;
+    Ok("3 records of 3 mismatches, none in the next session".to_owned())
 }
 
 /// The counters, and how many frames the board had sent by then: at least and at most. A heartbeat between ACCEPT and

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use gnc_protocol::Call as _;
-use gnc_protocol::calibration::{CalibrationCommit, CalibrationRead};
+use gnc_protocol::calibration::{CalibrationCommit, CalibrationRead, CalibrationWrite};
 use gnc_protocol::frame::checksum;
 use gnc_protocol::message::{
     AdRead, CanCounters, CpuFloats, CpuIntegers, CpuWords, ErrorRecords, GnssRestart, Identity, IoTest, SciEcho,
@@ -12,7 +12,7 @@ use gnc_protocol::message::{
 use gnc_protocol::wire::{List, Wire as _};
 
 use crate::driver::{Driver, ms};
-use crate::examples::list;
+use crate::examples::{list, nominal_calibration};
 use crate::stop::{Verdict, demand, failed, not_applicable};
 
 /// Range of the AD converter in microvolts.
@@ -275,7 +275,33 @@ pub(super) async fn calibration_unwritten(driver: &mut Driver) -> Verdict {
     Ok(format!("NAK 4 to {}", CalibrationCommit::NAME))
 }
 
-/// A function like the others, so that the table says what is not tried, and why.
-pub(super) async fn calibration_commit(_: &mut Driver) -> Verdict {
-    not_applicable("not tried: it changes the module")
+pub(super) async fn calibration_commit(driver: &mut Driver) -> Verdict {
+    driver.needs(capability::CALIBRATION)?;
+    if !driver.may_change_module() {
+        return not_applicable("not tried: it changes the module");
+    }
+    let calibration = nominal_calibration();
+    let bytes = calibration.to_payload().unwrap_or_default();
+    let sum = checksum(&bytes);
+    let before = driver.ask(&CalibrationRead {}).await?;
+    driver.ask(&CalibrationWrite { calibration: calibration.clone() }).await?;
+    let other = driver.post(&CalibrationCommit { checksum: sum ^ 1 });
+    driver.refused(&other, 4, "with another checksum").await?;
+    let unchanged = driver.ask(&CalibrationRead {}).await?;
+    demand(unchanged == before, || "a write without a commit changed what is in force".to_owned())?;
+    let counter = driver.ask(&CalibrationCommit { checksum: sum }).await?.counter;
+    demand(counter == before.counter + 1, || format!("counter {counter} after {}", before.counter))?;
+    for when in ["after the commit", "after a power cycle"] {
+        let read = driver.ask(&CalibrationRead {}).await?;
+        let same = read.calibration.first().and_then(|read| read.to_payload().ok()) == Some(bytes.clone());
+        demand((read.state, read.counter, read.checksum) == (1, counter, sum) && same, || {
+            format!(
+                "{when}: state {}, counter {}, checksum 0x{:08X}, the 300 bytes are the same: {same}",
+                read.state, read.counter, read.checksum
+            )
+        })?;
+        driver.open().await?;
+        driver.power_on().await?;
+    }
+    Ok(format!("counter {counter}, the same 300 bytes after a power cycle"))
 }

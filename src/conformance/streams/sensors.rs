@@ -126,8 +126,8 @@ pub(super) async fn pps(driver: &mut Driver) -> Verdict {
 
 pub(super) async fn compensated(driver: &mut Driver) -> Verdict {
     driver.needs(capability::CALIBRATION)?;
-    let rate_hz = 100;
-    let per_frame = if driver.is_can() { 1 } else { 5 };
+    let rate_hz = 200;
+    let per_frame = if driver.is_can() { 1 } else { 10 };
     let start = StreamStart { stream: 4, ..imu(rate_hz, per_frame) };
     if !is_calibrated(driver).await? {
         let asked = driver.post(&start);
@@ -136,7 +136,7 @@ pub(super) async fn compensated(driver: &mut Driver) -> Verdict {
     }
     let run = stream(driver, &start, SHORT).await?;
     demand(run.reply.format == 4, || format!("format {}", run.reply.format))?;
-    on_grid(&run.frames, rate_hz)?;
+    on_grid(driver, &run.frames, rate_hz)?;
     let expected = load_permille(driver, 4, rate_hz, per_frame);
     demand(u32::from(run.reply.load_permille) == expected, || {
         format!("load_permille {} instead of {expected}", run.reply.load_permille)
