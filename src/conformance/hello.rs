@@ -173,7 +173,7 @@ async fn new_nonce_safe(driver: &mut Driver) -> Verdict {
 /// Ends the check as failed unless the session is gone.
 async fn no_session(driver: &mut Driver, after: &str) -> Verdict<()> {
     let asked = driver.post(&ErrorRecords { from: 0 });
-    driver.refused(&asked, 1, after).await
+    driver.refused(&asked, 1, after).await.map(|_| ())
 }
 
 async fn no_common_version(driver: &mut Driver) -> Verdict {

@@ -213,13 +213,21 @@ async fn no_fit(driver: &mut Driver) -> Verdict {
             driver.ask(&StreamStop { stream: 1 }).await?;
             return not_applicable("the module holds no calibration, which the board looks at first");
         }
-        driver.refused(&asked, 8, &format!("with {sum} thousandths together")).await?;
+        let text = driver.refused(&asked, 8, &format!("with {sum} thousandths together")).await?;
         driver.ask(&StreamStop { stream: 1 }).await?;
+        has_arithmetic(&text)?;
     } else {
         let asked = driver.post(&first);
-        driver.refused(&asked, 8, &format!("with {} thousandths", load_permille(driver, 1, 1000, 1))).await?;
+        let alone = load_permille(driver, 1, 1000, 1);
+        let text = driver.refused(&asked, 8, &format!("with {alone} thousandths")).await?;
+        has_arithmetic(&text)?;
     }
     Ok(format!("NAK 8 for {sum} thousandths"))
+}
+
+/// Ends the check as failed if a refusal does not say a number.
+fn has_arithmetic(text: &str) -> Verdict<()> {
+    demand(text.contains(|letter: char| letter.is_ascii_digit()), || format!("NAK 8 without the arithmetic: {text:?}"))
 }
 
 async fn choice(driver: &mut Driver) -> Verdict {

@@ -7,9 +7,14 @@ mod command;
 mod modules;
 mod rig;
 
+use std::cell::Cell;
+use std::rc::Rc;
 use std::time::Duration;
 
 use gnc_conformance::{Ended, Outcome, TAKES, demands};
+use gnc_protocol::message::ModulePower;
+use gnc_protocol::serial::encode;
+use gnc_protocol::{Call as _, Kind};
 use hw_mocks::Personality;
 
 use rig::{Breach, Wire, checked, checked_until};
@@ -51,6 +56,22 @@ fn the_simulated_board_passes_over_rs422() {
 fn the_simulated_board_passes_over_can() {
     let passed = good(Wire::Can);
     assert!(passed >= 125, "{passed} checks bind it");
+}
+
+/// A page tells how often.
+#[test]
+fn the_module_is_switched_on_about_thirty_times() {
+    let count = Rc::new(Cell::new(0));
+    let counted = Rc::clone(&count);
+    let watched = Breach::to_board(move |frame, _| {
+        let header = frame.header;
+        let on = header.kind == Kind::Request && header.message == ModulePower::ID && frame.payload.as_slice() == [1];
+        counted.set(counted.get() + u32::from(on));
+        vec![(Duration::ZERO, encode(&frame).to_vec())]
+    });
+    let (ended, _) = checked(Personality::good(), Wire::Rs422, None, watched);
+    assert!(ended.is_ok());
+    assert!((25..35).contains(&count.get()), "{} times", count.get());
 }
 
 #[test]

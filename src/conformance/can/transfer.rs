@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use gnc_protocol::can::{CanFrame, CanId, id};
+use tokio::time::Instant;
 
 use crate::driver::{Driver, ms};
 use crate::stop::{Verdict, demand, failed};
@@ -12,8 +13,8 @@ const IN_FIRST: usize = 6;
 const IN_NEXT: usize = 7;
 /// Lengths of messages of this version.
 const LENGTHS: std::ops::RangeInclusive<usize> = 12..=524;
-/// "Flow control comes at once": how long it may take, with what this computer adds.
-const FLOW_WITHIN: Duration = Duration::from_millis(70);
+/// How long a sender waits for flow control: N_Bs of the document.
+const FLOW_WITHIN: Duration = Duration::from_millis(1000);
 /// Steps in which flow control is awaited.
 const LOOK: Duration = Duration::from_millis(5);
 
@@ -53,12 +54,13 @@ pub(super) async fn flow_after(driver: &mut Driver) -> Verdict<Option<u8>> {
     }
 }
 
-/// Sends the first frame of a request and waits for its flow control.
-pub(super) async fn begun(driver: &mut Driver, bytes: &[u8]) -> Verdict<()> {
+/// Sends the first frame of a request and waits for its flow control; how long that took, to within 5 ms.
+pub(super) async fn begun(driver: &mut Driver, bytes: &[u8]) -> Verdict<Duration> {
     driver.begin_tape();
+    let sent = Instant::now();
     send_first(driver, bytes);
     match flow_after(driver).await? {
-        Some(0x30) => Ok(()),
+        Some(0x30) => Ok(sent.elapsed()),
         Some(other) => failed(format!("a first frame of {} bytes got flow control {other:02X}", bytes.len())),
         None => {
             failed(format!("a first frame of {} bytes got no flow control within {}", bytes.len(), ms(FLOW_WITHIN)))

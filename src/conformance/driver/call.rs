@@ -221,15 +221,15 @@ impl Driver {
         self.call(call).await?.reply::<C>()
     }
 
-    /// Ends a check as failed unless a request is refused with this code.
-    pub(crate) async fn refused(&mut self, asked: &Asked, code: u16, why: &str) -> Verdict<()> {
+    /// Ends a check as failed unless a request is refused with this code; the text of the refusal.
+    pub(crate) async fn refused(&mut self, asked: &Asked, code: u16, why: &str) -> Verdict {
         let place = self.first_answer(asked).await?;
         if self.heard[place].of(Kind::Nak).is_some() {
             let answer = self.end_of(asked).await?;
-            if answer.nak() == Some(code) {
-                return Ok(());
-            }
-            return failed(format!("{} {why}: {} instead of NAK {code}", name_of(asked.message), answer.words()));
+            return match answer.end {
+                End::Nak { code: came, text } if came == code => Ok(text),
+                _ => failed(format!("{} {why}: {} instead of NAK {code}", name_of(asked.message), answer.words())),
+            };
         }
         let came = self.came(place);
         failed(format!("{} {why}: no NAK {code}; {came}", name_of(asked.message)))
