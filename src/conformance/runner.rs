@@ -23,6 +23,8 @@ const GREETED_EVERY: Duration = Duration::from_millis(500);
 const SILENT_CHECKS: u32 = 2;
 /// Checks in a row for which no session could be opened. After them only those are tried that need none.
 const CLOSED_CHECKS: u32 = 3;
+/// Checks in a row for which the module could not be switched on. It may draw too much: it is not switched on for ever.
+const UNPOWERED_CHECKS: u32 = 2;
 
 /// What the checks need to know.
 #[derive(Debug, Clone)]
@@ -147,7 +149,7 @@ pub async fn run(
     }
     let mut ended = Ended { findings: Vec::new(), stopped: false, safe: false };
     let mut told = Told::default();
-    let (mut silent, mut closed) = (0, 0);
+    let (mut silent, mut closed, mut unpowered) = (0, 0, 0);
     driver.forgive_silence();
     for check in checks() {
         let demand = Demand { id: check.id, section: check.section, demand: check.demand };
@@ -160,6 +162,8 @@ pub async fn run(
             Err(Stop::Failed("not tried: the board has fallen silent".to_owned()))
         } else if closed >= CLOSED_CHECKS && check.begins != Begins::Anyhow {
             Err(Stop::Failed("not tried: no session can be opened".to_owned()))
+        } else if unpowered >= UNPOWERED_CHECKS && check.begins == Begins::Powered {
+            Err(Stop::Failed("not tried: the module cannot be switched on".to_owned()))
         } else {
             told.before(check, tell);
             carry_out(&mut driver, check).await
@@ -176,7 +180,11 @@ pub async fn run(
                 driver.forgive_silence();
             }
             Err(Stop::Closed(_)) => closed += 1,
+            Err(Stop::Unpowered(_)) => unpowered += 1,
             _ if check.begins == Begins::Anyhow || silent >= SILENT_CHECKS || closed >= CLOSED_CHECKS => {}
+            _ if check.begins == Begins::Powered && unpowered < UNPOWERED_CHECKS => {
+                (silent, closed, unpowered) = (0, 0, 0);
+            }
             _ => (silent, closed) = (0, 0),
         }
         let finding = finding(demand, verdict);
@@ -279,7 +287,7 @@ const LIFE_SECTION: u8 = 9;
 fn finding(demand: Demand, verdict: Verdict) -> Finding {
     let (measured, outcome) = match verdict {
         Ok(measured) => (measured, Outcome::Passed),
-        Err(Stop::Failed(what) | Stop::Closed(what)) => (what, Outcome::Failed),
+        Err(Stop::Failed(what) | Stop::Closed(what) | Stop::Unpowered(what)) => (what, Outcome::Failed),
         Err(Stop::NotApplicable(why)) => (why, Outcome::NotApplicable),
         Err(Stop::Silent(span)) => (format!("the board fell silent: nothing came for {}", ms(span)), Outcome::Failed),
         Err(Stop::Gone(what)) => (what, Outcome::Failed),

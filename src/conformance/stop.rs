@@ -14,6 +14,8 @@ pub(crate) enum Stop {
     NotApplicable(String),
     /// No session could be opened: what came instead.
     Closed(String),
+    /// The module could not be switched on: what came instead.
+    Unpowered(String),
     /// The board fell silent for this long in the middle of the check.
     Silent(Duration),
     /// The port or interface went away: what the system said.

@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use gnc_conformance::Outcome;
 use gnc_protocol::can::{CanFrame, CanId};
-use gnc_protocol::message::event;
+use gnc_protocol::message::{ModulePower, event};
 use gnc_protocol::serial::encode;
-use gnc_protocol::{Frame, Kind};
+use gnc_protocol::{Call as _, Frame, Kind};
 use hw_mocks::Personality;
 
 use super::rig::{Breach, Wire, check, checked};
@@ -62,6 +62,49 @@ fn hello_with_another_boot_id_than_the_heartbeats() {
 }
 
 #[test]
+fn hello_with_a_byte_at_its_end() {
+    let long = Breach::of_frames(|frame| {
+        if is(frame, Kind::Hello) {
+            frame.payload.push(0).unwrap();
+        }
+    });
+    fails(long, &["hello.layout"]);
+}
+
+#[test]
+fn hello_with_another_request_id() {
+    let zero = Breach::of_frames(|frame| {
+        if is(frame, Kind::Hello) {
+            frame.header.request = 0;
+        }
+    });
+    fails(zero, &["hello.request-id"]);
+}
+
+/// A module that draws too much is not switched on again and again.
+#[test]
+fn a_module_that_cannot_be_switched_on() {
+    let mut tries = 0;
+    let over = Breach::of_frames(move |frame| {
+        if is(frame, Kind::Result) && frame.header.message == ModulePower::ID {
+            tries += 1;
+            assert!(tries <= 4, "it was switched on {tries} times");
+            let text = b"over current: 2.1 A, switched off";
+            frame.payload.clear();
+            frame.payload.extend_from_slice(&[3, 0, 0, 0, 0, 0, text.len() as u8]).unwrap();
+            frame.payload.extend_from_slice(text).unwrap();
+        }
+    });
+    let ended = check("", Wire::Rs422, None, over).unwrap();
+    let on = ended.findings.iter().find(|finding| finding.demand.id == "power.on").unwrap();
+    let expected =
+        "ModulePower was answered by RESULT with status 3 (over current: 2.1 A, switched off) instead of status 0";
+    assert_eq!((on.outcome, on.measured.as_str()), (Outcome::Failed, expected));
+    let passed = ended.findings.iter().filter(|finding| finding.outcome == Outcome::Passed).count();
+    assert!(passed > 50, "{passed} checks need no power");
+}
+
+#[test]
 fn hello_with_the_version_in_force() {
     let versioned = Breach::of_frames(|frame| {
         if is(frame, Kind::Hello) {
@@ -79,6 +122,81 @@ fn a_sequence_that_stands() {
 #[test]
 fn a_flag_without_a_meaning() {
     fails(Breach::of_frames(|frame| frame.header.flags.0 |= 0x80), &["header.hello", "header.flags"]);
+}
+
+#[test]
+fn a_heartbeat_with_a_request_id() {
+    let numbered = Breach::of_frames(|frame| {
+        if is(frame, Kind::Event) {
+            frame.header.request = 5;
+        }
+    });
+    fails(numbered, &["header.event"]);
+}
+
+#[test]
+fn frames_of_another_version() {
+    let newer = Breach::of_frames(|frame| {
+        if is(frame, Kind::Accept) {
+            frame.header.version = 2;
+        }
+    });
+    fails(newer, &["header.version"]);
+}
+
+#[test]
+fn capabilities_without_a_meaning() {
+    fails(edits(Kind::Hello, 0, |payload| payload[18] |= 0x80), &["hello.capabilities"]);
+}
+
+#[test]
+fn a_code_of_more_than_24_bits() {
+    fails(samples(|payload| payload[23] = 0x40), &["stream.codes"]);
+}
+
+#[test]
+fn readings_that_repeat() {
+    // Every sample of a frame is the first one.
+    let standing = samples(|payload| {
+        let first: [u8; 40] = payload[20..60].try_into().unwrap();
+        payload[20..].chunks_mut(40).for_each(|sample| sample.copy_from_slice(&first[..sample.len()]));
+    });
+    fails(standing, &["stream.repeats"]);
+}
+
+#[test]
+fn a_load_that_is_rounded_up() {
+    fails(
+        edits(Kind::Result, 0x20, |payload| {
+            if payload.len() == 10 {
+                payload[8] += 1
+            }
+        }),
+        &["stream.load"],
+    );
+}
+
+#[test]
+fn arithmetic_that_flushes_subnormal_numbers() {
+    let flushed = edits(Kind::Result, 0x13, |payload| {
+        for value in payload[8..].chunks_exact_mut(8) {
+            let number = f64::from_le_bytes((&*value).try_into().unwrap());
+            if number.is_subnormal() {
+                value.copy_from_slice(&0f64.to_le_bytes());
+            }
+        }
+    });
+    fails(flushed, &["cpu.floats"]);
+}
+
+#[test]
+fn channels_in_falling_order() {
+    let falling = edits(Kind::Result, 0x1B, |payload| {
+        let mut channels: Vec<Vec<u8>> = payload[8..].chunks(13).map(<[u8]>::to_vec).collect();
+        channels.reverse();
+        payload[8..].copy_from_slice(&channels.concat());
+    });
+    fails(falling, &["ad.channels"]);
 }
 
 #[test]

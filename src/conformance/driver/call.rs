@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use gnc_protocol::message::{Nak, Request};
-use gnc_protocol::wire::Wire as _;
+use gnc_protocol::wire::{Text, Wire as _};
 use gnc_protocol::{Call, Kind, PROTOCOL_VERSION};
 use tokio::time::Instant;
 
@@ -64,7 +64,12 @@ impl Answer {
             End::Nak { code, text } if text.is_empty() => format!("NAK {code}"),
             End::Nak { code, text } => format!("NAK {code} ({text})"),
             End::Result { status: 0, flags, .. } if flags & 2 != 0 => "RESULT with status 0, REPLAYED".to_owned(),
-            End::Result { status, .. } => format!("RESULT with status {status}"),
+            End::Result { status: 0, .. } => "RESULT with status 0".to_owned(),
+            End::Result { status, body, .. } => match Text::<160>::from_payload(body) {
+                Ok(text) if text.is_empty() => format!("RESULT with status {status}"),
+                Ok(text) => format!("RESULT with status {status} ({text})"),
+                Err(_) => format!("RESULT with status {status} and {} bytes that are no text", body.len()),
+            },
         }
     }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use gnc_protocol::message::{
     BoardHello, Heartbeat, HostHello, Identity, MAGIC, MakeSafe, ModulePower, capability, event,
 };
-use gnc_protocol::wire::Wire as _;
+use gnc_protocol::wire::{FieldReader, Wire as _};
 use gnc_protocol::{Frame, Kind, timing};
 use tokio::time::Instant;
 
@@ -49,7 +49,10 @@ impl Driver {
             Begins::Powered if self.ready => {}
             Begins::Powered => {
                 self.open().await?;
-                self.power_on().await?;
+                self.power_on().await.map_err(|stop| match stop {
+                    Stop::Failed(what) => Stop::Unpowered(what),
+                    other => other,
+                })?;
             }
         }
         self.heard.clear();
@@ -95,9 +98,10 @@ impl Driver {
             let came = self.came(from);
             return failed(format!("no answer to HELLO within {}; {came}", ms(HELLO_EVERY)));
         };
-        BoardHello::from_payload(&frame.payload).or_else(|error| {
-            failed(format!("the board's HELLO, {} bytes, does not read: {error}", frame.payload.len()))
-        })
+        match hello_of(&frame) {
+            Some(hello) => Ok(hello),
+            None => failed(format!("the board's HELLO, {} bytes, does not read", frame.payload.len())),
+        }
     }
 
     /// Opens a new session and keeps it alive.
@@ -183,7 +187,8 @@ impl Driver {
     }
 }
 
-/// The board's HELLO in a frame.
+/// The board's HELLO in a frame. Bytes behind its last field are passed over: one check says so, and the others are about
+/// other things.
 fn hello_of(frame: &Frame) -> Option<BoardHello> {
-    BoardHello::from_payload(&frame.payload).ok()
+    BoardHello::get(&mut FieldReader::new(&frame.payload)).ok()
 }
