@@ -9,8 +9,8 @@ use crate::check::checks;
 use board::{error_records, error_records_from, link_counters, power_off, power_on, power_twice};
 use memory::{flash_and, flash_id, flash_pattern, flash_protected, ram, ram_sdram};
 use module::{
-    ad, ad_channels, calibration_commit, calibration_read, calibration_unwritten, can_counters, cpu_floats,
-    cpu_integers, cpu_words, gnss_restart, identity, io, sci, spi, timer,
+    ad, ad_channels, calibration_commit, calibration_read, calibration_stream, calibration_unwritten, can_counters,
+    cpu_floats, cpu_integers, cpu_words, gnss_restart, identity, io, sci, spi, timer,
 };
 use ranges::{ranges, ranges_calibration, ranges_stream};
 
@@ -41,6 +41,7 @@ checks! { 11:
     "calibration.read" Powered calibration_read "CalibrationRead gives state, counter, checksum and the 300 bytes",
     "calibration.unwritten" Powered calibration_unwritten "CalibrationCommit gets NAK 4 if nothing was written since power-on",
     "calibration.commit" Powered calibration_commit "CalibrationCommit stores what was written, unless the checksum is another one, and it reads the same after a power cycle",
+    "calibration.stream" Powered calibration_stream "a calibration that was committed counts from the next StreamStart on",
 }
 
 /// Section 13: memory patterns.

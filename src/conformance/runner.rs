@@ -16,7 +16,7 @@ use crate::table::{Demand, checks, selects};
 /// How long a board may be silent at the start: one that starts listens after 2 s, and sends a heartbeat each second.
 const BOARD_WITHIN: Duration = Duration::from_millis(3000);
 /// What all checks take together with a board that does what the document demands.
-pub const TAKES: Duration = Duration::from_secs(90);
+pub const TAKES: Duration = Duration::from_secs(95);
 /// How often it is greeted meanwhile.
 const GREETED_EVERY: Duration = Duration::from_millis(500);
 /// Checks in a row that end in silence. After them the board is taken for gone, and the rest is not tried.

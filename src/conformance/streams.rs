@@ -15,7 +15,8 @@ use crate::check::checks;
 use crate::driver::{Driver, HOST_ADDS, ms};
 use crate::stop::{Verdict, demand, failed, not_applicable};
 use run::{Run, fits, frames_of, imu, load_permille, on_grid, on_link, stream};
-use sensors::{codes, compensated, gnss, pps, repeats, together};
+pub(crate) use sensors::compensated;
+use sensors::{codes, gnss, pps, repeats, together};
 
 checks! { 10:
     "stream.layout" Powered layout "a STREAM frame carries stream, format and count, request id 0 and the stream as message id",

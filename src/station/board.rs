@@ -116,7 +116,7 @@ fn check(args: &CheckArgs, line: &BoardLine) -> Result<Result<Ended, NoBoard>, C
             simulated: args.sim.is_some(),
             only: args.only.clone(),
         };
-        let mut face = Face { json: args.json, section: 0 };
+        let mut face = Face::new(args);
         face.begin(&line.target.to_string(), args.only.as_deref());
         Ok(carry_out(link, &options, stopped, &mut |event| face.show(&event)).await)
     })
@@ -143,11 +143,16 @@ fn heed_signals(stop: watch::Sender<bool>) -> std::io::Result<()> {
 /// Shows what happens.
 struct Face {
     json: bool,
+    simulated: bool,
     /// The section whose title was shown last.
     section: u8,
 }
 
 impl Face {
+    fn new(args: &CheckArgs) -> Self {
+        Self { json: args.json, simulated: args.sim.is_some(), section: 0 }
+    }
+
     /// Text for people. A reader who has gone needs none.
     fn say(&self, text: &str) {
         let _ = if self.json {
@@ -166,10 +171,15 @@ impl Face {
             "{checks} checks against docs/ICD.md over {}.{takes} Nothing else may use the board meanwhile.",
             printable(target)
         ));
-        self.say(
-            "The module in the socket must be a good one. Flash checks write to its scratch sectors only, its calibration stays as it is, \
-             and at the end the board is made safe.",
-        );
+        let calibration = if self.simulated {
+            "one calibration is committed to the simulated module"
+        } else {
+            "its calibration stays as it is"
+        };
+        self.say(&format!(
+            "The module in the socket must be a good one. Flash checks write to its scratch sectors only, {calibration}, \
+             and at the end the board is made safe."
+        ));
     }
 
     fn show(&mut self, event: &CheckEvent<'_>) {
@@ -205,7 +215,7 @@ impl Face {
 }
 
 fn conclude(args: &CheckArgs, ended: &Ended) -> ExitCode {
-    let face = Face { json: args.json, section: 0 };
+    let face = Face::new(args);
     if args.json {
         let _ = writeln!(std::io::stdout().lock(), "{}", json(&ended.findings));
     }

@@ -172,7 +172,7 @@ fn a_load_that_is_rounded_up() {
                 payload[8] += 1
             }
         }),
-        &["stream.load"],
+        &["stream.load", "calibration.stream"],
     );
 }
 

@@ -34,7 +34,7 @@ fn a_good_board_passes() {
     assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""), "{}", run.stdout);
     assert_snapshot!(said(&run), @r"
     4 checks against docs/ICD.md over PORT at 921600 bit/s. Nothing else may use the board meanwhile.
-    The module in the socket must be a good one. Flash checks write to its scratch sectors only, its calibration stays as it is, and at the end the board is made safe.
+    The module in the socket must be a good one. Flash checks write to its scratch sectors only, one calibration is committed to the simulated module, and at the end the board is made safe.
     Board SIM-BOARD-1, firmware sim 1.0.0, capabilities 0x7.
 
     5 How payloads are laid out
@@ -53,7 +53,7 @@ fn a_failure_says_what_came_and_what_is_demanded() {
     assert_eq!((run.code, run.stderr.as_str()), (Some(1), ""), "{}", run.stdout);
     assert_snapshot!(said(&run), @r"
     3 checks against docs/ICD.md over PORT at 921600 bit/s. Nothing else may use the board meanwhile.
-    The module in the socket must be a good one. Flash checks write to its scratch sectors only, its calibration stays as it is, and at the end the board is made safe.
+    The module in the socket must be a good one. Flash checks write to its scratch sectors only, one calibration is committed to the simulated module, and at the end the board is made safe.
     The next checks switch the module on and off.
     Board SIM-BOARD-1, firmware sim 1.0.0, capabilities 0x7.
 
@@ -73,7 +73,7 @@ fn the_board_is_checked_over_can() {
     assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""), "{}", run.stdout);
     assert_snapshot!(said(&run), @r"
     2 checks against docs/ICD.md over PORT at 500000 bit/s. Nothing else may use the board meanwhile.
-    The module in the socket must be a good one. Flash checks write to its scratch sectors only, its calibration stays as it is, and at the end the board is made safe.
+    The module in the socket must be a good one. Flash checks write to its scratch sectors only, one calibration is committed to the simulated module, and at the end the board is made safe.
     Board SIM-BOARD-1, firmware sim 1.0.0, capabilities 0x7.
 
     17 CAN

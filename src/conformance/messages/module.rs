@@ -14,6 +14,7 @@ use gnc_protocol::wire::{List, Wire as _};
 use crate::driver::{Driver, ms};
 use crate::examples::{list, nominal_calibration};
 use crate::stop::{Verdict, demand, failed, not_applicable};
+use crate::streams::compensated;
 
 /// Range of the AD converter in microvolts.
 const AD_UV: std::ops::RangeInclusive<i32> = 0..=6_144_000;
@@ -304,4 +305,12 @@ pub(super) async fn calibration_commit(driver: &mut Driver) -> Verdict {
         driver.power_on().await?;
     }
     Ok(format!("counter {counter}, the same 300 bytes after a power cycle"))
+}
+
+pub(super) async fn calibration_stream(driver: &mut Driver) -> Verdict {
+    driver.needs(capability::CALIBRATION)?;
+    if !driver.may_change_module() {
+        return not_applicable("not tried: nothing was committed to this module");
+    }
+    compensated(driver).await
 }

@@ -124,7 +124,8 @@ pub(super) async fn pps(driver: &mut Driver) -> Verdict {
     Ok(format!("{} edges", captures.len()))
 }
 
-pub(super) async fn compensated(driver: &mut Driver) -> Verdict {
+/// The compensated stream, or its refusal.
+pub(crate) async fn compensated(driver: &mut Driver) -> Verdict {
     driver.needs(capability::CALIBRATION)?;
     let rate_hz = 200;
     let per_frame = if driver.is_can() { 1 } else { 10 };
