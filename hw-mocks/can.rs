@@ -49,6 +49,8 @@ pub(crate) struct CanBus {
     lose_every: u32,
     sent: u32,
     lost: u32,
+    /// Messages of the board since its start. Raw frames, signs of life and samples, are no messages.
+    messages: u32,
 }
 
 /// The sender of a frame.
@@ -81,6 +83,7 @@ impl CanBus {
             lose_every: model.wire.can_lose_every,
             sent: 0,
             lost: 0,
+            messages: 0,
         }
     }
 
@@ -94,6 +97,7 @@ impl CanBus {
     pub(crate) fn restart(&mut self) {
         self.endpoint = Endpoint::new(EndpointRole::Board);
         self.filter = CanFilter::new(&self.breaches);
+        self.messages = 0;
         self.events.clear();
         self.samples.clear();
     }
@@ -105,6 +109,11 @@ impl CanBus {
 
     pub(crate) fn counters(&self) -> LineCounters {
         self.endpoint.counters()
+    }
+
+    /// Messages that the board has sent since its start.
+    pub(crate) fn messages(&self) -> u32 {
+        self.messages
     }
 
     /// Whether there is no room for samples.
@@ -151,7 +160,10 @@ impl CanBus {
 
     /// Queues a frame of the conversation for the host.
     pub(crate) fn send(&mut self, frame: &Frame) {
-        let queue = if frame.header.kind == gnc_protocol::Kind::Stream { &mut self.samples } else { &mut self.events };
+        let kind = frame.header.kind;
+        let is_message = !matches!(kind, gnc_protocol::Kind::Stream | gnc_protocol::Kind::Event);
+        self.messages = self.messages.wrapping_add(is_message.into());
+        let queue = if kind == gnc_protocol::Kind::Stream { &mut self.samples } else { &mut self.events };
         let filter = &mut self.filter;
         self.endpoint.send(frame, &mut |raw| filter.pass(raw, |raw| queue.push_back(raw)));
     }

@@ -83,7 +83,7 @@ impl SimulatedBench {
     fn count_link(&mut self) {
         let (counters, sent) = match self.session_on {
             BoardPort::Serial => (self.decoder.counters(), sent(&self.slave, &self.talk)),
-            BoardPort::Can => (self.can.counters(), sent(&self.can_slave, &self.can_talk)),
+            BoardPort::Can => (self.can.counters(), self.can.messages()),
         };
         let reply = &mut self.board.link_counters;
         (reply.frames, reply.bad_checksum) = (counters.frames, counters.bad_checksum);

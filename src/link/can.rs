@@ -24,6 +24,7 @@ use tokio::time::{Instant, sleep_until};
 use super::memory::MemoryPort;
 use super::serial::{OpenError, PortLocation};
 use crate::received::{LinkEvent, NoFrame};
+use crate::tape::Tape;
 use bus::{Bus, BusEvent};
 pub use memory::MemoryEnd;
 
@@ -250,6 +251,7 @@ pub struct CanLink {
     outgoing: VecDeque<CanFrame>,
     tap: TapEnd,
     handed_out: Option<Tap>,
+    tape: Tape,
     started: Instant,
     /// Frames that have come so far, under any id.
     came: u64,
@@ -297,6 +299,7 @@ impl CanLink {
             outgoing: VecDeque::new(),
             tap: TapEnd { outgoing, incoming, errors, absences, traffic },
             handed_out: Some(tap),
+            tape: Tape::default(),
             started: Instant::now(),
             came: 0,
         }
@@ -314,6 +317,20 @@ impl CanLink {
                 outgoing.push_back(raw);
             }
         });
+    }
+
+    pub(super) fn send_raw(&mut self, frame: CanFrame) {
+        if self.outgoing.len() < OUTGOING {
+            self.outgoing.push_back(frame);
+        }
+    }
+
+    pub(super) fn begin_tape(&mut self) {
+        self.tape = Tape::begun();
+    }
+
+    pub(super) fn tape(&self) -> &Tape {
+        &self.tape
     }
 
     /// Moves frames until a frame of the conversation is whole. A caller that drops this wait half way loses nothing.
@@ -346,6 +363,7 @@ impl CanLink {
                     BusEvent::Received(frame) => {
                         self.came += 1;
                         self.tap.traffic.send_modify(|traffic| traffic.add(&frame));
+                        self.tape.keep_frame(frame);
                         if let Some(received) = self.endpoint.receive(&frame, self.started.elapsed()) {
                             return Ok(received.map_err(|error| NoFrame::Damaged { error, bytes: Box::default() }));
                         }

@@ -9,9 +9,11 @@ mod link;
 pub mod memory;
 mod received;
 pub mod serial;
+mod tape;
 mod target;
 
 pub use absence::RETURNS_WITHIN;
 pub use link::{Link, LinkError};
 pub use received::{LinkEvent, NoFrame};
+pub use tape::Tape;
 pub use target::Target;

@@ -4,11 +4,13 @@ use std::io;
 use std::time::Duration;
 
 use gnc_protocol::Frame;
+use gnc_protocol::can::CanFrame;
 use gnc_protocol::serial::LineCounters;
 
 use crate::can::{CanLink, CanOpenError};
 use crate::received::LinkEvent;
 use crate::serial::{self, OpenError, SerialLink};
+use crate::tape::Tape;
 use crate::target::Target;
 
 /// An open link.
@@ -61,6 +63,42 @@ impl Link {
         match self {
             Self::Serial(link) => link.send(frame),
             Self::Can(link) => link.send(frame),
+        }
+    }
+
+    /// Takes bytes to send as they stand, for a test of the other end's receiver. Returns `false` on CAN, which carries no
+    /// bytes.
+    pub fn send_bytes(&mut self, bytes: &[u8]) -> bool {
+        match self {
+            Self::Serial(link) => link.send_bytes(bytes),
+            Self::Can(_) => return false,
+        }
+        true
+    }
+
+    /// Takes a frame of the bus to send as it stands. Returns `false` on RS-422.
+    pub fn send_can(&mut self, frame: CanFrame) -> bool {
+        match self {
+            Self::Serial(_) => return false,
+            Self::Can(link) => link.send_raw(frame),
+        }
+        true
+    }
+
+    /// Begins to keep what comes as it comes, beside the frames that are made of it. What was kept before is forgotten.
+    pub fn begin_tape(&mut self) {
+        match self {
+            Self::Serial(link) => link.begin_tape(),
+            Self::Can(link) => link.begin_tape(),
+        }
+    }
+
+    /// What came since [`Link::begin_tape`].
+    #[must_use]
+    pub fn tape(&self) -> &Tape {
+        match self {
+            Self::Serial(link) => link.tape(),
+            Self::Can(link) => link.tape(),
         }
     }
 

@@ -11,6 +11,7 @@ use tokio_util::bytes::Buf as _;
 
 use super::memory::MemoryPort;
 use crate::received::{LinkEvent, NoFrame};
+use crate::tape::Tape;
 pub use port::try_open;
 pub(super) use port::{Port, PortEvent, PortLocation};
 
@@ -25,18 +26,31 @@ const OUTGOING: usize = 16 * MAX_ON_WIRE;
 pub struct SerialLink {
     port: Port,
     decoder: FrameDecoder,
+    tape: Tape,
 }
 
 impl SerialLink {
     fn on(port: Port) -> Self {
-        Self { port, decoder: FrameDecoder::default() }
+        Self { port, decoder: FrameDecoder::default(), tape: Tape::default() }
     }
 
     pub(super) fn send(&mut self, frame: &Frame) {
+        self.send_bytes(&encode(frame));
+    }
+
+    pub(super) fn send_bytes(&mut self, bytes: &[u8]) {
         let outgoing = &mut self.port.outgoing;
         if outgoing.len() <= OUTGOING {
-            outgoing.extend_from_slice(&encode(frame));
+            outgoing.extend_from_slice(bytes);
         }
+    }
+
+    pub(super) fn begin_tape(&mut self) {
+        self.tape = Tape::begun();
+    }
+
+    pub(super) fn tape(&self) -> &Tape {
+        &self.tape
     }
 
     pub(super) async fn next(&mut self, read: bool) -> io::Result<LinkEvent> {
@@ -58,6 +72,7 @@ impl SerialLink {
         let mut rest: &[u8] = incoming;
         let received = self.decoder.next(&mut rest);
         let consumed = incoming.len() - rest.len();
+        self.tape.keep_bytes(&incoming[..consumed]);
         incoming.advance(consumed);
         received.map(|frame| frame.map_err(|error| NoFrame::Damaged { error, bytes: self.decoder.rejected().into() }))
     }

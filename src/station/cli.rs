@@ -40,6 +40,11 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         records: Option<PathBuf>,
     },
+    /// Checks a slave board against the interface document.
+    Board {
+        #[command(subcommand)]
+        what: crate::board::BoardCommand,
+    },
     /// Computes calibrations, deviations and spectra from a record.
     Compute(crate::compute::Args),
     /// Checks plans without running them.
@@ -111,6 +116,7 @@ pub fn main() -> ExitCode {
     };
     match cli.command {
         Some(Command::Compute(args)) => crate::compute::run(&args),
+        Some(Command::Board { what }) => crate::board::run(&what),
         Some(Command::Ports) => crate::ports::run(),
         Some(Command::Doctor { bench, records }) => crate::doctor::run(bench.as_deref(), records.as_deref()),
         Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim } }) => {

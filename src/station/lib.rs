@@ -5,6 +5,7 @@
 
 mod args;
 mod auto;
+mod board;
 mod check;
 pub mod cli;
 mod compute;

@@ -14,7 +14,7 @@ use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::store::StationKey;
 
-use crate::args::RunArgs;
+use crate::args::{RunArgs, SimLink};
 use crate::files::{self, ReadFile};
 use crate::refusal::CommandRefusal;
 
@@ -73,10 +73,7 @@ pub(crate) fn check(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         #[cfg(feature = "sim")]
         Some(personality) => simulated::check(args, personality),
         #[cfg(not(feature = "sim"))]
-        Some(_) => Err(CommandRefusal::new(
-            "this program was built without the simulated bench",
-            "build it with the feature `sim`",
-        )),
+        Some(_) => Err(without_simulation()),
         None => real(args),
     }
 }
@@ -121,19 +118,58 @@ impl CheckedBench {
     }
 }
 
-fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
-    let path = match &args.bench {
-        Some(path) => path.clone(),
-        None if Path::new(BENCH_FILE).exists() => BENCH_FILE.into(),
+/// The way to a board, for a command that needs nothing else of the bench.
+#[derive(Debug)]
+pub(crate) struct BoardLine {
+    pub target: Target,
+    /// Keeps the simulated bench alive.
+    _simulation: Simulation,
+}
+
+/// Finds the way to the board of a bench file, or starts a simulated board at true speed.
+pub(crate) fn board_line(
+    bench: Option<&Path>,
+    sim: Option<&Path>,
+    sim_link: SimLink,
+) -> Result<BoardLine, CommandRefusal> {
+    match sim {
+        #[cfg(feature = "sim")]
+        Some(personality) => {
+            let (target, running) = simulated::board_line(personality, sim_link)?;
+            Ok(BoardLine { target, _simulation: Some(running) })
+        }
+        #[cfg(not(feature = "sim"))]
+        Some(_) => {
+            let _ = sim_link;
+            Err(without_simulation())
+        }
+        None => {
+            let path = bench_path(bench)?;
+            let file = files::bench(&path)?;
+            Ok(BoardLine { target: target(&path, &file)?.0, _simulation: None })
+        }
+    }
+}
+
+#[cfg(not(feature = "sim"))]
+fn without_simulation() -> CommandRefusal {
+    CommandRefusal::new("this program was built without the simulated bench", "build it with the feature `sim`")
+}
+
+/// The bench file that is named, or the one of this folder.
+fn bench_path(named: Option<&Path>) -> Result<PathBuf, CommandRefusal> {
+    match named {
+        Some(path) => Ok(path.to_owned()),
+        None if Path::new(BENCH_FILE).exists() => Ok(BENCH_FILE.into()),
         None => {
             let what = format!("no bench file is named, and there is no {BENCH_FILE} in this folder");
-            return Err(CommandRefusal::new(
-                what,
-                "name a bench file with --bench FILE, or test a simulated module with --sim",
-            ));
+            Err(CommandRefusal::new(what, "name a bench file with --bench FILE, or test a simulated module with --sim"))
         }
-    };
-    let (file, text) = files::bench_and_text(&path)?;
+    }
+}
+
+/// The way to the board, and the CAN bus of the bench.
+fn target(path: &Path, file: &BenchFile) -> Result<(Target, Option<CanTarget>), CommandRefusal> {
     let Some(socket) = file.socket.clone() else {
         let what = format!("{} names no port: it has no [socket]", path.display());
         return Err(CommandRefusal::new(what, "add [socket] with port and rate; `gnc-station ports` lists the ports"));
@@ -150,6 +186,13 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
             ));
         }
     };
+    Ok((target, can))
+}
+
+fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
+    let path = bench_path(args.bench.as_deref())?;
+    let (file, text) = files::bench_and_text(&path)?;
+    let (target, can) = target(&path, &file)?;
     let bench = BenchInfo {
         port: Some(target.port()),
         rate_bps: Some(target.rate_bps()),

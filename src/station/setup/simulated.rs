@@ -55,6 +55,24 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
     })
 }
 
+/// Starts a simulated board at true speed, for a command that needs nothing else.
+pub(super) fn board_line(personality: &Path, link: SimLink) -> Result<(Target, RunningBench), CommandRefusal> {
+    let (personality, _) = read(personality, &personality.display().to_string())?;
+    let options = BenchOptions { personality, speed: Speed::Times(1.0), ..BenchOptions::default() };
+    let running = start(&options, None)?;
+    let target = match link {
+        SimLink::Can => Target::Can(CanTarget::parse(running.can_port())),
+        SimLink::Rs422 => Target::Serial { port: running.port().to_owned(), rate_baud: options.rate_baud },
+    };
+    Ok((target, running))
+}
+
+fn start(options: &BenchOptions, interface: Option<&str>) -> Result<RunningBench, CommandRefusal> {
+    RunningBench::start_with(options, interface).map_err(|error| {
+        CommandRefusal::new(format!("cannot start the simulated bench: {error}"), "check that /dev/pts is mounted")
+    })
+}
+
 /// The module and its file; no file if the module is built in.
 fn read(path: &Path, name: &str) -> Result<(Personality, Option<ReadFile>), CommandRefusal> {
     let (personality, text) = match hw_mocks::boards().iter().find(|(built_in, _)| *built_in == name) {
@@ -100,9 +118,7 @@ impl SimulatedModule {
     pub(super) fn start(&self, checked: &CheckedBench, serial_number: &str) -> Result<Setup, CommandRefusal> {
         let options = BenchOptions { serial_number: Some(serial_number.to_owned()), ..self.options.clone() };
         let board = self.interfaces.as_ref().map(|(_, board)| board.as_str());
-        let running = RunningBench::start_with(&options, board).map_err(|error| {
-            CommandRefusal::new(format!("cannot start the simulated bench: {error}"), "check that /dev/pts is mounted")
-        })?;
+        let running = start(&options, board)?;
         let can = CanTarget::parse(self.interfaces.as_ref().map_or(running.can_port(), |(host, _)| host));
         let target = match self.link {
             SimLink::Can => Target::Can(can.clone()),
