@@ -37,6 +37,7 @@ BEAT, KEEP_ALIVE, WATCHDOG = 1, 2, 3
 
 # Milliseconds of sections 6, 7 and 9.
 ANSWER_MS = 50
+PROGRESS_EVERY_MS = 400
 PROGRESS_MS = 500
 WATCHDOG_MS = 1750
 SAFE_MS = 2000
@@ -286,7 +287,7 @@ class Conversation:
         for by, what in self.awaited:
             assert low <= by, f"{what} is not answered within {ANSWER_MS} ms"
         for key, run in self.running.items():
-            assert low <= run["heard"] + PROGRESS_MS or run["ended"], f"{key[0]:04x} has no PROGRESS for {PROGRESS_MS} ms"
+            assert low <= run["heard"] + PROGRESS_MS, f"{key[0]:04x} has no PROGRESS for {PROGRESS_MS} ms"
         if self.session is not None:
             assert low <= self.heard + SAFE_MS, "the watchdog does not end the session"
         assert low <= self.last_beat + BEAT_MS + BEAT_LATE_MS, "a heartbeat is missing"
@@ -361,14 +362,14 @@ class Conversation:
                 assert self.can or not detail, "the RESULT of what is ended comes before this"
                 assert struct.unpack("<I", frame.payload)[0] == 0
             if what in ("urgent", "start"):
-                run = {"accept": frame.payload, "low": low, "heard": high, "ended": False, "asked": detail, "what": what}
+                run = {"accept": frame.payload, "low": low, "said": low, "heard": high, "asked": detail, "what": what}
                 self.running[key] = run
         elif frame.kind == PROGRESS:
             run = self.running[key]
             assert high - run["heard"] <= PROGRESS_MS, f"PROGRESS {high - run['heard']} ms after the last word"
             done, _ = struct.unpack("<HI", frame.payload)
             assert done <= 1000
-            run["heard"] = high
+            run["said"], run["heard"] = low, high
         elif frame.kind == RESULT:
             self.result(line, key, frame)
         elif frame.kind == STREAM:
@@ -396,15 +397,15 @@ class Conversation:
             assert enders and elapsed_us == 0 and frame.payload[6:] == b"\0", "aborted by nothing, or with a time or text"
             enders[0][2].remove(key)
         else:
-            assert line.high - run["heard"] <= PROGRESS_MS, "PROGRESS is missing"
+            assert line.low - run["said"] <= PROGRESS_EVERY_MS, "PROGRESS is missing"
             assert line.low <= run["low"] + elapsed_us / 1000 <= line.high, "elapsed_us and the window"
         self.kept[key] = frame.payload
         while len(self.kept) > 8:
             del self.kept[next(iter(self.kept))]
         if status == 0:
-            self.carry_out(key, run["asked"], frame.payload[6:], run)
+            self.carry_out(key, run["asked"], frame.payload[6:])
 
-    def carry_out(self, key, asked, body, run):
+    def carry_out(self, key, asked, body):
         if key[1] == POWER:
             self.powered = asked == b"\x01"
         elif key[1] == MAKE_SAFE:

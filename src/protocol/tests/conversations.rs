@@ -206,7 +206,8 @@ impl Scripted {
     /// Plans the frames of a stream: each leaves with its last sample.
     fn stream(&mut self, ask: &StreamStart) -> Payload {
         let begins = self.now + Duration::from_millis(1);
-        let at = |number: u32| begins + Duration::from_micros(u64::from(number + 1) * 1_000_000 / u64::from(ask.rate_hz));
+        let at =
+            |number: u32| begins + Duration::from_micros(u64::from(number + 1) * 1_000_000 / u64::from(ask.rate_hz));
         let each = u32::from(ask.samples_per_frame);
         for first in (0..ask.count).step_by(usize::from(ask.samples_per_frame)) {
             let board_time_us = (at(first) - self.started).as_micros() as u64;
@@ -233,7 +234,11 @@ impl Scripted {
         } else {
             imu_load_permille(u32::from(ask.rate_hz), each, RATE_BAUD) as u16
         };
-        payload(&StreamStartReply { format: Format::Imu as u8, samples_per_frame: ask.samples_per_frame, load_permille })
+        payload(&StreamStartReply {
+            format: Format::Imu as u8,
+            samples_per_frame: ask.samples_per_frame,
+            load_permille,
+        })
     }
 }
 
