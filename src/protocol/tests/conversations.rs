@@ -365,7 +365,7 @@ impl Bench {
         let raw = can_frame(&line.what);
         let part = line.words.strip_prefix("part ").map(|number| number.parse::<u8>().unwrap());
         match part {
-            Some(number) => assert_eq!(raw.data()[0], 0x20 | number % 16, "{line:?}"),
+            Some(number) => assert_eq!(raw.data()[0], 0x20 | (number % 16), "{line:?}"),
             None if line.words == "flow control" => assert_eq!(raw.data(), [0x30, 0, 0]),
             None if raw.id() == CanId::Standard(id::KEEP_ALIVE) => assert_eq!(line.words, "keep-alive"),
             None => assert!(self.said.insert(raw.id(), line.words.clone()).is_none(), "{line:?}"),
