@@ -160,9 +160,9 @@ fn a_restart_that_keeps_the_boot_id_is_a_restart() {
 /// HELLO says what the board can do, so the plan is refused, or its optional items are skipped, before power-on.
 #[test]
 fn hello_decides_what_can_run() {
-    let cpu = "[[item]]\nid = \"cpu\"\n[item.limits]\n\"*_errors\" = 0\n";
+    let cpu = "[[item]]\nid = \"cpu\"\n[item.limits]\n\"*_errors\" = \"<= 0\"\n";
     let identity =
-        |limits: &str| format!("[[item]]\nid = \"identity\"\n[item.limits]\nserial_number = \"T-1\"\n{limits}{cpu}");
+        |limits: &str| format!("[[item]]\nid = \"identity\"\n[item.limits]\nserial_number = \"== T-1\"\n{limits}{cpu}");
     let no_switch = "description = \"no switch\"\n[board]\nno_power_switch = true\n";
 
     let (code, text, place) = whole_program(no_switch, &identity(""));
@@ -194,7 +194,7 @@ fn hello_decides_what_can_run() {
 #[test]
 fn a_breach_stands_in_every_record() {
     let board = "description = \"late\"\n[board]\nserial = \"B\\u0000\"\n";
-    let cpu = "[[item]]\nid = \"cpu\"\n[item.limits]\n\"*_errors\" = 0\n";
+    let cpu = "[[item]]\nid = \"cpu\"\n[item.limits]\n\"*_errors\" = \"<= 0\"\n";
     let (code, text, place) = whole_program(board, cpu);
     assert_eq!(code, Some(0), "{text}");
     assert!(
@@ -217,8 +217,8 @@ fn a_breach_stands_in_every_record() {
 /// The module is still under power after the run: said at once, and beside the verdict.
 #[test]
 fn a_module_that_stays_under_power_is_a_danger() {
-    let cpu = "[[item]]\nid = \"cpu\"\n[item.limits]\n\"*_errors\" = 0\n";
+    let cpu = "[[item]]\nid = \"cpu\"\n[item.limits]\n\"*_errors\" = \"<= 0\"\n";
     let (_, text, place) = whole_program("description = \"hot\"\n[board]\nsafe_keeps_power = true\n", cpu);
-    assert_eq!(text.matches("DANGER: the module is still under power after MAKE_SAFE").count(), 3, "{text}");
+    assert_eq!(text.matches("DANGER: the module is still under power after MAKE_SAFE").count(), 2, "{text}");
     assert_eq!(place.record()["board_breaches"][0]["safety"], true);
 }

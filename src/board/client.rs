@@ -9,10 +9,11 @@ use gnc_protocol::stream::StreamId;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinHandle;
 
-use crate::breach::{Breach, Breaches, Case, NEWS, Rule};
+use crate::breach::{Breaches, Case, NEWS};
 use crate::error::{BoardError, gone};
 use crate::latest::{Follower, Latest};
 use crate::readings::Readings;
+use crate::rule::{Breach, Rule};
 use crate::session::{LinkReport, Session, SessionCommand};
 use crate::status::{BoardTime, LinkAbsence};
 

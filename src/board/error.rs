@@ -6,7 +6,7 @@ use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::WireError;
 use gnc_protocol::{FaultCode, NakCode};
 
-use crate::breach::{Breach, Rule};
+use crate::rule::{Breach, Rule};
 
 /// Why the board did not do what it was asked.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -9,9 +9,9 @@ use gnc_protocol::stream::StreamId;
 use gnc_protocol::wire::Wire as _;
 use tokio::sync::{mpsc, oneshot, watch};
 
-use crate::breach::rule;
 use crate::client::BoardClient;
 use crate::error::{BoardError, gone};
+use crate::rule;
 use crate::session::{Answer, SessionCommand};
 use crate::status::Advance;
 use crate::stream::{AHEAD, Closed, Stream, WAITING};

@@ -5,12 +5,13 @@
 //! lost and keeps the board's watchdog quiet. The crate does not know what is tested, and it does not say whose fault a
 //! restart is.
 
-pub mod breach;
+mod breach;
 mod client;
 mod error;
 pub mod latest;
 mod lease;
 mod readings;
+pub mod rule;
 mod session;
 mod status;
 pub mod stream;

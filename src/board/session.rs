@@ -25,10 +25,11 @@ use tokio::time::Instant;
 use watchdog::until;
 
 use super::{Advance, BoardError, BoardTime, LinkAbsence, Readings};
-use crate::breach::{Breach, Breaches, rule};
+use crate::breach::Breaches;
 use crate::error::Heard;
 use crate::latest::Latest;
 use crate::readings::Gauges;
+use crate::rule::{self, Breach};
 use crate::stream::{AHEAD, Newest, SampleFrame};
 
 /// Slack added to every wait for an ACCEPT: an USB adapter's latency timer (16 ms) both ways, and a busy computer.

@@ -1,7 +1,7 @@
 //! What the board does against the interface document: the record names it with its section, apart from the verdict on
 //! the module.
 
-use gnc_board::breach::{Breach, Weight};
+use gnc_board::rule::{Breach, Weight};
 use gnc_executive::event::{BoardBreach, EventKind};
 use gnc_records::store::StoreError;
 

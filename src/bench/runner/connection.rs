@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use chrono::Utc;
-use gnc_board::breach::rule;
+use gnc_board::rule;
 use gnc_board::{BoardClient, BoardError, BoardLease, Readings};
 use gnc_executive::event::{BoardInfo as BoardEvent, EventKind, NoteLevel, Power};
 use gnc_executive::job::{BoardAbilities, BoardLacks};

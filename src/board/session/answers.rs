@@ -14,8 +14,9 @@ use tokio::time::Instant;
 
 use super::possible::{self, Impossible};
 use super::{Answer, Ended, Pending, Sendings, Session};
-use crate::breach::{Case, rule};
+use crate::breach::Case;
 use crate::error::BoardError;
+use crate::rule;
 use crate::status::Advance;
 
 impl Session {

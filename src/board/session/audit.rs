@@ -10,7 +10,8 @@ use gnc_protocol::stream::{StreamHead, StreamId};
 use gnc_protocol::{Frame, Header, Kind, PROTOCOL_VERSION, timing};
 use tokio::time::Instant;
 
-use crate::breach::{Breaches, Case, Rule, rule};
+use crate::breach::{Breaches, Case};
+use crate::rule::{self, Rule};
 
 /// Requests whose numbers the station remembers: an answer to one of these was asked for once.
 const ASKED: usize = 1024;

@@ -10,8 +10,9 @@ use tokio::sync::oneshot;
 use tokio::time::Instant;
 
 use super::Session;
-use crate::breach::{Case, rule};
+use crate::breach::Case;
 use crate::error::BoardError;
+use crate::rule;
 use crate::status::BoardTime;
 use crate::stream::Newest;
 

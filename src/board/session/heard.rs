@@ -11,8 +11,9 @@ use tokio::time::Instant;
 use super::audit::{Audit, SESSION_OPEN};
 use super::possible::{self, Impossible};
 use super::{Pending, Session};
-use crate::breach::{Case, rule};
+use crate::breach::Case;
 use crate::error::BoardError;
+use crate::rule;
 use crate::stream::{Newest, SampleFrame};
 
 /// Times in a row that the same bytes come between frames until they are no damage.
@@ -72,11 +73,10 @@ impl Session {
         }
         *times += 1;
         // Damage is not the same again and again.
-        let new = match *times {
-            SAME_RUBBISH => SAME_RUBBISH,
-            SAME_RUBBISH.. => 1,
-            _ => return,
-        };
+        if *times < SAME_RUBBISH {
+            return;
+        }
+        let new = if *times == SAME_RUBBISH { SAME_RUBBISH } else { 1 };
         let counted = if matches!(error, FrameError::Checksum { .. }) {
             &mut self.explained.bad_checksum
         } else {

@@ -15,7 +15,7 @@ use gnc_protocol::message::{
 use gnc_protocol::stream::{COMPENSATED_SAMPLE, Format, IMU_SAMPLE, SATURATION, StreamId};
 use gnc_protocol::wire::Wire;
 
-use crate::breach::{Rule, rule};
+use crate::rule::{self, Rule};
 use crate::stream::SampleFrame;
 
 /// An answer that cannot be.
@@ -72,7 +72,7 @@ pub(super) fn check(message: u16, asked: &[u8], body: &[u8], elapsed: Duration) 
         Request::RamTest(asked) => read(body, |reply| mismatch(reply, words_of(asked.ram))),
         Request::FlashBlankCheck(_) | Request::FlashVerify(_) => read(body, |reply| mismatch(reply, None)),
         Request::FlashId(_) => read(body, |reply: &FlashIdReply| {
-            can(reply.sector_bytes > 0 && reply.sector_bytes % 4 == 0, || {
+            can(reply.sector_bytes > 0 && reply.sector_bytes.is_multiple_of(4), || {
                 format!("sectors of {} bytes, which are no whole words", reply.sector_bytes)
             })
         }),
