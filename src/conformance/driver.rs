@@ -274,11 +274,10 @@ impl Driver {
                 }
             };
             let at = Instant::now();
+            // Bytes that are no frame are no silence: it is another fault.
+            self.last_heard = at;
             let frame = match event {
-                Ok(frame) => {
-                    self.last_heard = at;
-                    Ok(frame)
-                }
+                Ok(frame) => Ok(frame),
                 Err(NoFrame::Damaged { error, .. }) => Err(error),
                 Err(NoFrame::Away) => return Err(Stop::Gone(format!("{} went away", self.link.name()))),
                 Err(NoFrame::Back { .. }) => continue,

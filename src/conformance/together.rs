@@ -86,10 +86,8 @@ async fn four(driver: &mut Driver) -> Verdict {
         return failed("a fifth request beside four got no NAK 5");
     }
     driver.refused(&fifth, 5, "as the fifth").await?;
-    for asked in &running {
-        driver.end_of(asked).await?.body()?;
-    }
-    Ok("4 were done, the fifth got NAK 5".to_owned())
+    all_end(driver, &running).await?;
+    Ok("4 ran and ended, the fifth got NAK 5".to_owned())
 }
 
 async fn resource(driver: &mut Driver) -> Verdict {

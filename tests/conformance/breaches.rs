@@ -169,7 +169,7 @@ fn a_load_that_is_rounded_up() {
     fails(
         edits(Kind::Result, 0x20, |payload| {
             if payload.len() == 10 {
-                payload[8] += 1
+                payload[8] += 1;
             }
         }),
         &["stream.load", "calibration.stream"],
@@ -453,7 +453,7 @@ fn a_board_that_is_deaf_to_hello() {
         .filter(|finding| finding.outcome == Outcome::Passed)
         .map(|finding| finding.demand.id)
         .collect();
-    assert_eq!(passed, ["heartbeat.layout", "heartbeat.period"]);
+    assert_eq!(passed, ["frames.checksum", "heartbeat.layout", "heartbeat.period"]);
     assert!(took < Duration::from_secs(30), "{took:?}");
 }
 
@@ -481,4 +481,65 @@ fn heartbeats_whose_beat_stands() {
         _ => vec![frame],
     });
     fails_on(Wire::Can, standing, &["can.heartbeat"]);
+}
+
+#[test]
+fn no_heartbeats() {
+    let mute = Breach::to_host(|frame, _| {
+        let beat = is(&frame, Kind::Event) && frame.header.message == event::HEARTBEAT;
+        if beat { Vec::new() } else { as_it_is(&frame) }
+    });
+    let ended = check("", Wire::Rs422, None, mute).unwrap();
+    show(&ended);
+    let others = failed(&ended).into_iter().filter(|id| !id.starts_with("heartbeat."));
+    // Its numbers have gaps, and the state after a watchdog and after MAKE_SAFE stands in heartbeats alone.
+    assert_eq!(others.collect::<Vec<_>>(), ["watchdog.safe", "make-safe.state"]);
+}
+
+#[test]
+fn another_checksum() {
+    let spoilt = Breach::to_host(|frame, _| {
+        let mut bytes = encode(&frame).to_vec();
+        let last = bytes.len() - 2;
+        bytes[last] = bytes[last].wrapping_add(1).max(1);
+        vec![(Duration::ZERO, bytes)]
+    });
+    let (ended, took) = checked(Personality::good(), Wire::Rs422, None, spoilt);
+    let ended = ended.unwrap();
+    let said = ended.findings.iter().find(|finding| finding.demand.id == "frames.checksum").unwrap();
+    assert!(said.measured.contains("wrong checksum"), "{}", said.measured);
+    assert!(took < Duration::from_secs(30), "{took:?}");
+}
+
+#[test]
+fn samples_of_the_bus_in_another_order() {
+    let mut held = None;
+    let swapped = Breach::on_can(move |frame| match frame.id() {
+        CanId::Standard(0x200) => {
+            held = Some(frame);
+            Vec::new()
+        }
+        CanId::Standard(0x201) => [Some(frame), held.take()].into_iter().flatten().collect(),
+        _ => vec![frame],
+    });
+    fails_on(Wire::Can, swapped, &["can.imu"]);
+}
+
+#[test]
+fn samples_that_are_lost() {
+    for id in ["stream.numbers", "stream.account"] {
+        let mut frames = 0;
+        let lossy = Breach::to_host(move |frame, _| {
+            frames += u32::from(is(&frame, Kind::Stream));
+            let lost = is(&frame, Kind::Stream) && frames % 3 == 0;
+            if lost { Vec::new() } else { as_it_is(&frame) }
+        });
+        let ended = check("", Wire::Rs422, Some(id), lossy).unwrap();
+        assert_eq!(failed(&ended), [id]);
+    }
+}
+
+#[test]
+fn a_status_without_a_meaning() {
+    fails(edits(Kind::Result, 0x1E, |payload| payload[0] = 9), &["sci", "status.known"]);
 }

@@ -5,6 +5,7 @@
 mod breaches;
 mod command;
 mod modules;
+mod personalities;
 mod rig;
 
 use std::cell::Cell;

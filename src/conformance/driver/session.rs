@@ -153,6 +153,15 @@ impl Driver {
         Ok(())
     }
 
+    /// The state in the next heartbeat; none if no heartbeat comes, which other checks look at.
+    pub(crate) async fn state_if_told(&mut self) -> Verdict<Option<Heartbeat>> {
+        match self.heartbeat().await {
+            Ok((beat, _)) => Ok(Some(beat)),
+            Err(Stop::Failed(_)) => Ok(None),
+            Err(other) => Err(other),
+        }
+    }
+
     /// Waits for the next heartbeat.
     pub(crate) async fn heartbeat(&mut self) -> Verdict<(Heartbeat, Instant)> {
         let from = self.mark();

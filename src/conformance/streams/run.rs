@@ -120,9 +120,9 @@ pub(super) fn on_grid(driver: &Driver, frames: &[Sampled], rate_hz: u16) -> Verd
     let [began, rest @ ..] = heads.as_slice() else { return failed(format!("{rate_hz} Hz: no frame")) };
     demand(!rest.is_empty() || driver.is_can(), || format!("{rate_hz} Hz: one frame only"))?;
     for head in rest {
-        let samples = f64::from(head.first.wrapping_sub(began.first));
+        let samples = f64::from(head.first.wrapping_sub(began.first).cast_signed());
         let due_us = samples * 1e6 / f64::from(rate_hz);
-        let is_us = head.board_time_us.wrapping_sub(began.board_time_us) as f64;
+        let is_us = head.board_time_us.wrapping_sub(began.board_time_us).cast_signed() as f64;
         demand((is_us - due_us).abs() <= ROUNDING_US + 1e-6, || {
             let (number, off_us) = (head.first, is_us - due_us);
             format!("{rate_hz} Hz: sample {number} lies {off_us:.2} us off the grid of sample {}", began.first)
