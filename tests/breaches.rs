@@ -1,8 +1,6 @@
 //! Boards that break one rule of the interface document each, with good and bad modules, over RS-422 and over CAN. No breach
 //! fails a good module or passes a bad one, and the record names what it sees with the section.
 
-#![expect(clippy::expect_used, reason = "a record without what is asked for fails the test")]
-
 use std::time::Duration;
 
 use gnc_executive::event::NoteLevel;
