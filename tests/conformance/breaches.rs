@@ -543,3 +543,14 @@ fn samples_that_are_lost() {
 fn a_status_without_a_meaning() {
     fails(edits(Kind::Result, 0x1E, |payload| payload[0] = 9), &["sci", "status.known"]);
 }
+
+#[test]
+fn a_sender_that_makes_no_pauses() {
+    // It takes every flow control for "go on, without a pause".
+    let hasty = |frame: CanFrame| match frame.data() {
+        [first, _, _, ..] if first >> 4 == 3 => CanFrame::new(frame.id(), &[*first, 0, 0]).unwrap(),
+        _ => frame,
+    };
+    let breach = Breach { can_to_board: Some(hasty), ..Breach::default() };
+    fails_on(Wire::Can, breach, &["can.separation"]);
+}

@@ -38,6 +38,8 @@ pub(crate) struct Breach {
     pub(crate) to_board: Option<Change<Frame, Vec<u8>>>,
     /// From the board, CAN.
     pub(crate) can_to_host: Option<Change<CanFrame, CanFrame>>,
+    /// To the board, CAN.
+    pub(crate) can_to_board: Option<fn(CanFrame) -> CanFrame>,
 }
 
 impl Breach {
@@ -213,7 +215,10 @@ async fn serve_can(mut bench: SimulatedBench, mut end: MemoryEnd, mut breach: Br
         let due = began + bench.next_due(now).max(now + LOOK);
         tokio::select! {
             biased;
-            Some(frame) = end.from_host.recv() => bench.receive_can(frame, began.elapsed()),
+            Some(frame) = end.from_host.recv() => {
+                let frame = breach.can_to_board.map_or(frame, |change| change(frame));
+                bench.receive_can(frame, began.elapsed());
+            }
             () = sleep_until(due) => {}
         }
     }
