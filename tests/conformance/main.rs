@@ -3,9 +3,11 @@
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test may end with a panic and says what it saw")]
 
 mod breaches;
+mod bus;
 mod command;
 mod modules;
 mod rig;
+mod samples;
 
 use std::cell::Cell;
 use std::rc::Rc;

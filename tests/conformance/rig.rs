@@ -74,7 +74,7 @@ pub(crate) fn check(personality: &str, wire: Wire, only: Option<&str>, breach: B
     checked(personality, wire, only, breach).0
 }
 
-/// The same, and the link time that the checks took. A stop comes after `TELLS` events, if that is said.
+/// The same, and the link time that the checks took.
 pub(crate) fn checked(
     personality: Personality,
     wire: Wire,
