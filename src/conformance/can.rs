@@ -4,11 +4,13 @@ mod transfer;
 
 use std::time::Duration;
 
+use gnc_protocol::can::isotp::FlowSettings;
 use gnc_protocol::can::{CanFrame, CanId, id};
 use gnc_protocol::message::{
     Abort, CanCounters, LinkCounters, MakeSafe, ModulePower, StreamStart, StreamStop, capability,
 };
 use gnc_protocol::{Call as _, Kind, PROTOCOL_VERSION};
+use tokio::time::Instant;
 
 use crate::check::checks;
 use crate::driver::{Asked, Driver, NO_MESSAGE, ms, name_of};
@@ -22,6 +24,7 @@ checks! { 17:
     "can.ids" Session ids "HELLO, MAKE_SAFE and ABORT are answered under 0x021, all else under 0x101",
     "can.transfers" Session whole "a message is a first frame of 8 bytes and consecutive frames 1..F, 0, 1..",
     "can.flow-control" Session flow_control "flow control comes at once, with status 0",
+    "can.separation" Session separation "a sender keeps its frames STmin apart and waits for flow control after each block",
     "can.padding" Session padding "frames may be padded to 8 bytes with anything",
     "can.bad-checksum" Session bad_checksum "a message with a wrong checksum gets no answer",
     "can.unknown-kind" Session unknown_kind "a message of kind 8 to 15 is dropped",
@@ -42,6 +45,8 @@ checks! { 17:
 const NO_ANSWER_WITHIN: Duration = Duration::from_millis(200);
 /// "Flow control comes at once": as late as an answer may be, with what this computer adds.
 const AT_ONCE: Duration = Duration::from_millis(70);
+/// The longest HELLO, 95 bytes, takes 13 pauses of 20 ms.
+const SEPARATED_WITHIN: Duration = Duration::from_millis(900);
 /// From one heartbeat to the next, and a little.
 const BEATS: Duration = Duration::from_millis(3200);
 /// Test frames that are sent, fewer than an adapter holds.
@@ -145,10 +150,36 @@ async fn flow_control(driver: &mut Driver) -> Verdict {
     Ok(format!("once for each of 5 messages, within {}", ms(AT_ONCE)))
 }
 
+async fn separation(driver: &mut Driver) -> Verdict {
+    let nonce = driver.nonce();
+    let mut said = Vec::new();
+    for (block_size, st_min_ms) in [(0, 20), (1, 0), (2, 20)] {
+        driver.ask_for(FlowSettings { block_size, st_min: st_min_ms });
+        let sent = Instant::now();
+        let from = driver.say_hello((1, 1), nonce, 1);
+        let answer = driver.hello_after(from, SEPARATED_WITHIN).await;
+        driver.ask_for(FlowSettings::default());
+        let Some((frame, at)) = answer? else {
+            return failed(format!("no answer to HELLO with blocks of {block_size} and {st_min_ms} ms apart"));
+        };
+        // Six bytes are in the first frame, seven in each after it. A pause stands between two frames of a block.
+        let frames = u32::try_from((frame.payload.len() + 12 - 6).div_ceil(7)).unwrap_or(u32::MAX);
+        let pauses = match u32::from(block_size) {
+            0 => frames.saturating_sub(1),
+            size => frames - frames.div_ceil(size),
+        };
+        let least = Duration::from_millis(st_min_ms.into()) * pauses;
+        demand(at - sent >= least, || {
+            format!("{frames} frames, {st_min_ms} ms apart, in blocks of {block_size} came within {}", ms(at - sent))
+        })?;
+        said.push(ms(at - sent));
+    }
+    Ok(format!("{}: 20 ms apart, one by one, both", said.join(", ")))
+}
+
 /// A REQUEST as the bytes of a message, and what would answer it.
 fn request(driver: &mut Driver, kind: u8, message: u16, payload: &[u8]) -> (Asked, Vec<u8>) {
-    let asked =
-        Asked { request: driver.next_request(), message, from: driver.mark(), sent: tokio::time::Instant::now() };
+    let asked = Asked { request: driver.next_request(), message, from: driver.mark(), sent: Instant::now() };
     let header = RawHeader { version: PROTOCOL_VERSION, kind, flags: 0, request: asked.request, message };
     (asked, frame_bytes(header, 0, payload))
 }

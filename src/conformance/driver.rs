@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use gnc_link::can::Tap;
 use gnc_link::{Link, NoFrame, Tape};
+use gnc_protocol::can::isotp::FlowSettings;
 use gnc_protocol::can::{CanFrame, bus_time, worst_bits};
 use gnc_protocol::frame::{CRC, FrameError, HEADER, MAX_PAYLOAD, PROTOCOL_VERSION};
 use gnc_protocol::message::{BoardHello, event};
@@ -344,6 +345,13 @@ impl Driver {
     /// Begins to count the board's silence anew.
     pub(crate) fn forgive_silence(&mut self) {
         self.last_heard = Instant::now();
+    }
+
+    /// Asks the board for blocks of this many frames and for pauses between them, on CAN.
+    pub(crate) fn ask_for(&mut self, settings: FlowSettings) {
+        if let Link::Can(link) = &mut self.link {
+            link.ask_for(settings);
+        }
     }
 
     /// Sends test frames on the bus; those that came back within this time, in their order.

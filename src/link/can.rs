@@ -15,6 +15,7 @@ use std::time::Duration;
 use gnc_protocol::Frame;
 use gnc_protocol::can::endpoint::{Endpoint, EndpointRole};
 use gnc_protocol::can::id::{echo_of, is_echo};
+use gnc_protocol::can::isotp::FlowSettings;
 use gnc_protocol::can::{CanFrame, bus_time, worst_bits};
 use gnc_protocol::frame::{CRC, HEADER, MAX_FRAME};
 use gnc_protocol::serial::LineCounters;
@@ -323,6 +324,11 @@ impl CanLink {
         if self.outgoing.len() < OUTGOING {
             self.outgoing.push_back(frame);
         }
+    }
+
+    /// Asks the board for blocks and pauses, for a test of its sender. Messages that are on their way in are forgotten.
+    pub fn ask_for(&mut self, settings: FlowSettings) {
+        self.endpoint.ask_for(settings);
     }
 
     pub(super) fn begin_tape(&mut self) {

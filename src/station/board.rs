@@ -168,7 +168,8 @@ impl Face {
             Some(only) => (demands().filter(|demand| selects(only, demand)).count(), String::new()),
         };
         self.say(&format!(
-            "{checks} checks against docs/ICD.md over {}.{takes} Nothing else may use the board meanwhile.",
+            "{checks} {} against docs/ICD.md over {}.{takes} Nothing else may use the board meanwhile.",
+            if checks == 1 { "check" } else { "checks" },
             printable(target)
         ));
         let calibration = if self.simulated {

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use gnc_conformance::Outcome;
-use gnc_protocol::can::{CanFrame, CanId};
 use gnc_protocol::message::{ModulePower, event};
 use gnc_protocol::serial::encode;
 use gnc_protocol::{Call as _, Frame, Kind};
@@ -14,12 +13,12 @@ use super::{failed, show};
 
 /// Checks a board that breaks a rule: exactly these checks fail.
 #[track_caller]
-fn fails(breach: Breach, expected: &[&str]) {
+pub(super) fn fails(breach: Breach, expected: &[&str]) {
     fails_on(Wire::Rs422, breach, expected);
 }
 
 #[track_caller]
-fn fails_on(wire: Wire, breach: Breach, expected: &[&str]) {
+pub(super) fn fails_on(wire: Wire, breach: Breach, expected: &[&str]) {
     let ended = check("", wire, None, breach).unwrap();
     let came = failed(&ended);
     if came != expected {
@@ -29,7 +28,7 @@ fn fails_on(wire: Wire, breach: Breach, expected: &[&str]) {
 }
 
 /// Changes bytes of the payload, of frames of a kind and message.
-fn edits(kind: Kind, message: u16, edit: impl Fn(&mut [u8]) + 'static) -> Breach {
+pub(super) fn edits(kind: Kind, message: u16, edit: impl Fn(&mut [u8]) + 'static) -> Breach {
     Breach::of_frames(move |frame: &mut Frame| {
         if (frame.header.kind, frame.header.message) == (kind, message) {
             edit(&mut frame.payload);
@@ -37,11 +36,11 @@ fn edits(kind: Kind, message: u16, edit: impl Fn(&mut [u8]) + 'static) -> Breach
     })
 }
 
-fn is(frame: &Frame, kind: Kind) -> bool {
+pub(super) fn is(frame: &Frame, kind: Kind) -> bool {
     frame.header.kind == kind
 }
 
-fn as_it_is(frame: &Frame) -> Vec<(Duration, Vec<u8>)> {
+pub(super) fn as_it_is(frame: &Frame) -> Vec<(Duration, Vec<u8>)> {
     vec![(Duration::ZERO, encode(frame).to_vec())]
 }
 
@@ -147,33 +146,6 @@ fn frames_of_another_version() {
 #[test]
 fn capabilities_without_a_meaning() {
     fails(edits(Kind::Hello, 0, |payload| payload[18] |= 0x80), &["hello.capabilities"]);
-}
-
-#[test]
-fn a_code_of_more_than_24_bits() {
-    fails(samples(|payload| payload[23] = 0x40), &["stream.codes"]);
-}
-
-#[test]
-fn readings_that_repeat() {
-    // Every sample of a frame is the first one.
-    let standing = samples(|payload| {
-        let first: [u8; 40] = payload[20..60].try_into().unwrap();
-        payload[20..].chunks_mut(40).for_each(|sample| sample.copy_from_slice(&first[..sample.len()]));
-    });
-    fails(standing, &["stream.repeats"]);
-}
-
-#[test]
-fn a_load_that_is_rounded_up() {
-    fails(
-        edits(Kind::Result, 0x20, |payload| {
-            if payload.len() == 10 {
-                payload[8] += 1;
-            }
-        }),
-        &["stream.load", "calibration.stream"],
-    );
 }
 
 #[test]
@@ -360,61 +332,6 @@ fn a_refusal_with_another_code() {
     fails(coded, &expected);
 }
 
-/// Changes the head of STREAM frames of the IMU.
-fn samples(edit: impl Fn(&mut [u8]) + 'static) -> Breach {
-    edits(Kind::Stream, 1, edit)
-}
-
-#[test]
-fn samples_off_the_grid() {
-    let drifting = samples(|payload| {
-        let first = u32::from_le_bytes(payload[4..8].try_into().unwrap());
-        let board_us = u64::from_le_bytes(payload[8..16].try_into().unwrap());
-        payload[8..16].copy_from_slice(&(board_us + u64::from(first) / 10).to_le_bytes());
-    });
-    fails(drifting, &["stream.grid"]);
-}
-
-#[test]
-fn samples_that_count_from_one() {
-    let from_one = samples(|payload| {
-        let first = u32::from_le_bytes(payload[4..8].try_into().unwrap());
-        payload[4..8].copy_from_slice(&(first + 1).to_le_bytes());
-    });
-    fails(from_one, &["stream.numbers", "stream.stop"]);
-}
-
-#[test]
-fn an_account_that_does_not_add_up() {
-    let short = edits(Kind::Result, 0x21, |payload| {
-        let produced = u32::from_le_bytes(payload[6..10].try_into().unwrap());
-        payload[6..10].copy_from_slice(&produced.saturating_sub(1).to_le_bytes());
-    });
-    let ended = check("", Wire::Rs422, Some("stream"), short).unwrap();
-    let expected =
-        ["stream.count", "stream.stop", "stream.account", "stream.make-safe", "stream.power-off", "stream.gnss"];
-    assert_eq!(failed(&ended), expected);
-}
-
-#[test]
-fn samples_before_the_result() {
-    let mut held = None;
-    let early = Breach::to_host(move |frame, _| {
-        // The RESULT of StreamStart waits for the first frame.
-        if is(&frame, Kind::Result) && frame.header.message == 0x20 && frame.payload[..2] == [0, 0] {
-            held = Some(frame);
-            return Vec::new();
-        }
-        let mut passing = as_it_is(&frame);
-        if let Some(result) = held.take_if(|_| !is(&frame, Kind::Event)) {
-            passing.extend(as_it_is(&result));
-        }
-        passing
-    });
-    let ended = check("", Wire::Rs422, Some("stream.result-first"), early).unwrap();
-    assert_eq!(failed(&ended), ["stream.result-first"]);
-}
-
 #[test]
 fn a_supply_in_millivolts() {
     fails(
@@ -458,32 +375,6 @@ fn a_board_that_is_deaf_to_hello() {
 }
 
 #[test]
-fn an_echo_with_other_data() {
-    let altered = Breach::on_can(|frame| match frame.id() {
-        CanId::Standard(0x710..=0x71F) if frame.data().len() > 2 => {
-            let mut data = frame.data().to_vec();
-            data[2] ^= 4;
-            CanFrame::new(frame.id(), &data).into_iter().collect()
-        }
-        _ => vec![frame],
-    });
-    fails_on(Wire::Can, altered, &["can.echo"]);
-}
-
-#[test]
-fn heartbeats_whose_beat_stands() {
-    let standing = Breach::on_can(|frame| match frame.id() {
-        CanId::Standard(0x011) if frame.data().len() == 8 => {
-            let mut data = frame.data().to_vec();
-            data[1] = 1;
-            CanFrame::new(frame.id(), &data).into_iter().collect()
-        }
-        _ => vec![frame],
-    });
-    fails_on(Wire::Can, standing, &["can.heartbeat"]);
-}
-
-#[test]
 fn no_heartbeats() {
     let mute = Breach::to_host(|frame, _| {
         let beat = is(&frame, Kind::Event) && frame.header.message == event::HEARTBEAT;
@@ -509,34 +400,6 @@ fn another_checksum() {
     let said = ended.findings.iter().find(|finding| finding.demand.id == "frames.checksum").unwrap();
     assert!(said.measured.contains("wrong checksum"), "{}", said.measured);
     assert!(took < Duration::from_secs(30), "{took:?}");
-}
-
-#[test]
-fn samples_of_the_bus_in_another_order() {
-    let mut held = None;
-    let swapped = Breach::on_can(move |frame| match frame.id() {
-        CanId::Standard(0x200) => {
-            held = Some(frame);
-            Vec::new()
-        }
-        CanId::Standard(0x201) => [Some(frame), held.take()].into_iter().flatten().collect(),
-        _ => vec![frame],
-    });
-    fails_on(Wire::Can, swapped, &["can.imu"]);
-}
-
-#[test]
-fn samples_that_are_lost() {
-    for id in ["stream.numbers", "stream.account"] {
-        let mut frames = 0;
-        let lossy = Breach::to_host(move |frame, _| {
-            frames += u32::from(is(&frame, Kind::Stream));
-            let lost = is(&frame, Kind::Stream) && frames % 3 == 0;
-            if lost { Vec::new() } else { as_it_is(&frame) }
-        });
-        let ended = check("", Wire::Rs422, Some(id), lossy).unwrap();
-        assert_eq!(failed(&ended), [id]);
-    }
 }
 
 #[test]

@@ -3,10 +3,12 @@
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test may end with a panic and says what it saw")]
 
 mod breaches;
+mod bus;
 mod command;
 mod modules;
 mod personalities;
 mod rig;
+mod samples;
 
 use std::cell::Cell;
 use std::rc::Rc;

@@ -38,6 +38,8 @@ pub(crate) struct Breach {
     pub(crate) to_board: Option<Change<Frame, Vec<u8>>>,
     /// From the board, CAN.
     pub(crate) can_to_host: Option<Change<CanFrame, CanFrame>>,
+    /// To the board, CAN.
+    pub(crate) can_to_board: Option<fn(CanFrame) -> CanFrame>,
 }
 
 impl Breach {
@@ -72,7 +74,7 @@ pub(crate) fn check(personality: &str, wire: Wire, only: Option<&str>, breach: B
     checked(personality, wire, only, breach).0
 }
 
-/// The same, and the link time that the checks took. A stop comes after `TELLS` events, if that is said.
+/// The same, and the link time that the checks took.
 pub(crate) fn checked(
     personality: Personality,
     wire: Wire,
@@ -213,7 +215,10 @@ async fn serve_can(mut bench: SimulatedBench, mut end: MemoryEnd, mut breach: Br
         let due = began + bench.next_due(now).max(now + LOOK);
         tokio::select! {
             biased;
-            Some(frame) = end.from_host.recv() => bench.receive_can(frame, began.elapsed()),
+            Some(frame) = end.from_host.recv() => {
+                let frame = breach.can_to_board.map_or(frame, |change| change(frame));
+                bench.receive_can(frame, began.elapsed());
+            }
             () = sleep_until(due) => {}
         }
     }

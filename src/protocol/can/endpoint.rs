@@ -8,7 +8,7 @@ use core::time::Duration;
 
 use heapless::{Deque, Vec};
 
-use super::isotp::{self, Failure, Flow, IsoTpReceived, IsoTpReceiver, IsoTpSender};
+use super::isotp::{self, Failure, Flow, FlowSettings, IsoTpReceived, IsoTpReceiver, IsoTpSender};
 use super::stream::{Packer, Unpacker};
 use super::{CanFrame, CanId, id};
 use crate::frame::{Frame, FrameError, MAX_FRAME};
@@ -171,6 +171,14 @@ impl Endpoint {
     /// Forgets the sequence numbers of the other end.
     pub fn restart_sequence(&mut self) {
         (self.urgent.expected, self.work.expected) = (None, None);
+    }
+
+    /// Asks the other end for blocks and pauses, as an end with less room would. Messages that are on their way in are
+    /// forgotten.
+    pub fn ask_for(&mut self, settings: FlowSettings) {
+        for channel in [&mut self.urgent, &mut self.work] {
+            channel.receiver = IsoTpReceiver::new(settings);
+        }
     }
 
     /// Whether no message waits or is on its way, out or in.
