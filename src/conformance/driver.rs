@@ -10,14 +10,18 @@ use gnc_link::{Link, NoFrame, Tape};
 use gnc_protocol::can::isotp::FlowSettings;
 use gnc_protocol::can::{CanFrame, bus_time, worst_bits};
 use gnc_protocol::frame::{CRC, FrameError, HEADER, MAX_PAYLOAD, PROTOCOL_VERSION};
-use gnc_protocol::message::{BoardHello, event};
+use gnc_protocol::message::{BoardHello, Heartbeat, event};
 use gnc_protocol::serial::on_wire;
+use gnc_protocol::wire::Wire as _;
 use gnc_protocol::{Flags, Frame, Header, Kind, Payload, timing};
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep_until, timeout};
 
 use crate::raw::{Ending, RawHeader, delimited, frame_bytes, stuff};
 use crate::stop::{Stop, Verdict, not_applicable};
+
+/// Bytes of a heartbeat's payload.
+const BEAT_BYTES: usize = 13;
 
 pub(crate) use call::{Answer, Asked, End, name_of};
 pub(crate) use session::{Begins, HEARTBEAT_WITHIN};
@@ -66,6 +70,10 @@ pub(crate) struct Driver {
     heeds_stop: bool,
     heard: Vec<Heard>,
     last_heard: Instant,
+    /// Boot id and board time of the last heartbeat, heartbeats in all, and the first time at which the clock went back.
+    clock: Option<(u32, u64)>,
+    beats: u32,
+    clock_back: Option<(u64, u64)>,
     sequence: u16,
     request: u16,
     nonce: u32,
@@ -93,6 +101,9 @@ impl Driver {
             heeds_stop: true,
             heard: Vec::new(),
             last_heard: Instant::now(),
+            clock: None,
+            beats: 0,
+            clock_back: None,
             sequence: 0,
             request: 0,
             nonce,
@@ -182,6 +193,12 @@ impl Driver {
             + timing::ACCEPT_WITHIN
             + self.line_time(answer)
             + HOST_ADDS
+    }
+
+    /// The same where no stream runs: only a heartbeat may be in the way.
+    pub(crate) fn quiet_accept_limit(&self, request: usize, answer: usize) -> Duration {
+        let beat = if self.is_can() { Duration::ZERO } else { self.line_time(BEAT_BYTES) };
+        self.line_time(request) + beat + timing::ACCEPT_WITHIN + self.line_time(answer) + HOST_ADDS
     }
 
     /// Sends a keep-alive now, so that none goes out by itself in the next half second.
@@ -283,11 +300,35 @@ impl Driver {
                 Err(NoFrame::Away) => return Err(Stop::Gone(format!("{} went away", self.link.name()))),
                 Err(NoFrame::Back { .. }) => continue,
             };
+            self.look_at_clock(&frame);
             if self.heard.len() < MOST_HEARD {
                 self.heard.push(Heard { at, frame });
             }
             return Ok(());
         }
+    }
+
+    /// Keeps the first case in which board time went back under one boot id.
+    fn look_at_clock(&mut self, frame: &Result<Frame, FrameError>) {
+        let Some(beat) =
+            frame.as_ref().ok().filter(|frame| frame.header.message == event::HEARTBEAT).and_then(|frame| {
+                (frame.header.kind == Kind::Event).then(|| Heartbeat::from_payload(&frame.payload).ok())?
+            })
+        else {
+            return;
+        };
+        if let Some((boot_id, before_us)) = self.clock.replace((beat.boot_id, beat.board_time_us))
+            && boot_id == beat.boot_id
+            && beat.board_time_us < before_us
+        {
+            self.clock_back.get_or_insert((before_us, beat.board_time_us));
+        }
+        self.beats = self.beats.saturating_add(1);
+    }
+
+    /// Heartbeats since the checks began, and the board times in microseconds between which the clock went back, if it did.
+    pub(crate) fn clock_of_all(&self) -> (u32, Option<(u64, u64)>) {
+        (self.beats, self.clock_back)
     }
 
     /// Waits at most so long for something behind `from` that is wanted; its place.

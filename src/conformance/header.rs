@@ -32,6 +32,9 @@ const NO_ANSWER_WITHIN: Duration = Duration::from_millis(150);
 const KNOWN_FLAGS: u8 = 0x03;
 
 /// Some frames of each kind that a board sends without power.
+/// Requests over which sequence numbers are followed.
+const NUMBERED: usize = 40;
+
 async fn some_traffic(driver: &mut Driver) -> Verdict<()> {
     for _ in 0..3 {
         driver.ask(&LinkCounters {}).await?;
@@ -127,6 +130,9 @@ async fn ignored_flags(driver: &mut Driver) -> Verdict {
 
 async fn sequence(driver: &mut Driver) -> Verdict {
     some_traffic(driver).await?;
+    for _ in 0..NUMBERED {
+        driver.ask(&LinkCounters {}).await?;
+    }
     // On CAN each id counts its own messages; all of this traffic goes under one, and raw frames have no numbers.
     let frames = driver.heard().iter().filter_map(|heard| heard.frame.as_ref().ok());
     let numbers: Vec<u16> = frames

@@ -13,7 +13,7 @@ use crate::check::checks;
 use crate::driver::{Driver, HOST_ADDS, NO_MESSAGE, ms};
 use crate::examples::slow;
 use crate::raw::{Ending, RawHeader, delimited, frame_bytes, stuff};
-use crate::stop::{Verdict, demand, failed};
+use crate::stop::{Verdict, demand, failed, not_applicable};
 
 checks! { 9:
     "heartbeat.layout" Anyhow layout "a heartbeat is boot id, board time and state: 13 bytes",
@@ -29,6 +29,7 @@ checks! { 9:
     "watchdog.fed" Session fed "keep-alive, any REQUEST and an answered HELLO are signs of life",
     "watchdog.not-fed" Session not_fed "nothing else is a sign of life: no broken frame, no other version, none of the kinds that a board sends",
     "make-safe.state" Powered make_safe_state "MAKE_SAFE stops requests and streams and switches the module off, and keeps the session",
+    "heartbeat.never-back" Anyhow never_back "board time never goes back under one boot id: all heartbeats so far",
     "power.needed" Session power_needed "the module is without power until ModulePower: a request that needs it gets NAK 6",
 }
 
@@ -88,6 +89,15 @@ async fn clock(driver: &mut Driver) -> Verdict {
         format!("board time went on by {}, the wall clock by {}", ms(board), ms(link))
     })?;
     Ok(format!("{} of board time in {}", ms(board), ms(link)))
+}
+
+async fn never_back(driver: &mut Driver) -> Verdict {
+    let (beats, back) = driver.clock_of_all();
+    match back {
+        Some((before_us, after_us)) => failed(format!("board time went back from {before_us} to {after_us} us")),
+        None if beats < 2 => not_applicable(format!("{beats} heartbeats came")),
+        None => Ok(format!("{beats} heartbeats")),
+    }
 }
 
 /// Ends the check as failed unless bit `bit` of the next heartbeat's state is `set`.

@@ -54,7 +54,7 @@ fn long() -> TimerMeasure {
 }
 
 async fn accept_time(driver: &mut Driver) -> Verdict {
-    let limit = driver.accept_limit(0, 4);
+    let limit = driver.quiet_accept_limit(0, 4);
     let mut longest = Duration::ZERO;
     for _ in 0..TIMED {
         let asked = driver.post(&LinkCounters {});
@@ -69,7 +69,7 @@ async fn accept_time(driver: &mut Driver) -> Verdict {
 async fn nak_time(driver: &mut Driver) -> Verdict {
     let mut longest = Duration::ZERO;
     for bytes in [0, MAX_PAYLOAD] {
-        let limit = driver.accept_limit(bytes, MAX_PAYLOAD / 3);
+        let limit = driver.quiet_accept_limit(bytes, MAX_PAYLOAD / 3);
         for _ in 0..TIMED / 2 {
             let asked = driver.post_raw(NO_MESSAGE, &vec![0x5A; bytes]);
             let place = driver.first_answer(&asked).await?;

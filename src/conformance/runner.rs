@@ -150,20 +150,24 @@ pub async fn run(
     let mut ended = Ended { findings: Vec::new(), stopped: false, safe: false };
     let mut told = Told::default();
     let (mut silent, mut closed, mut unpowered) = (0, 0, 0);
+    // A board with which no session can be opened is told so by the check of its HELLO, and not by each of the others.
+    if chosen(options).any(|check| check.id == HELLO_CHECK)
+        && matches!(driver.begin(Begins::Session).await, Err(Stop::Closed(_)))
+    {
+        closed = CLOSED_CHECKS;
+        driver.disturb();
+    }
     driver.forgive_silence();
-    for check in checks() {
-        let demand = Demand { id: check.id, section: check.section, demand: check.demand };
-        if options.only.as_deref().is_some_and(|only| !selects(only, &demand)) {
-            continue;
-        }
+    for check in chosen(options) {
+        let demand = demand_of(check);
         let verdict = if let Some(why) = other_link(&driver, check) {
             Err(Stop::NotApplicable(why.to_owned()))
         } else if silent >= SILENT_CHECKS {
-            Err(Stop::Failed("not tried: the board has fallen silent".to_owned()))
+            Err(Stop::NotApplicable("not tried: the board has fallen silent".to_owned()))
         } else if closed >= CLOSED_CHECKS && check.begins != Begins::Anyhow {
-            Err(Stop::Failed("not tried: no session can be opened".to_owned()))
+            Err(Stop::NotApplicable("not tried: no session can be opened, see section 6".to_owned()))
         } else if unpowered >= UNPOWERED_CHECKS && check.begins == Begins::Powered {
-            Err(Stop::Failed("not tried: the module cannot be switched on".to_owned()))
+            Err(Stop::NotApplicable("not tried: the module cannot be switched on".to_owned()))
         } else {
             told.before(check, tell);
             carry_out(&mut driver, check).await
@@ -194,6 +198,16 @@ pub async fn run(
     ended.safe = driver.make_safe().await;
     driver.close().await;
     Ok(ended)
+}
+
+fn demand_of(check: &Check) -> Demand {
+    Demand { id: check.id, section: check.section, demand: check.demand }
+}
+
+/// The checks that are asked for.
+fn chosen(options: &CheckOptions) -> impl Iterator<Item = &'static Check> + '_ {
+    let only = options.only.as_deref();
+    checks().filter(move |check| only.is_none_or(|only| selects(only, &demand_of(check))))
 }
 
 /// What was told already.
@@ -279,6 +293,8 @@ fn explained(driver: &Driver, check: &Check) -> Option<&'static str> {
     (fired && check.section != LIFE_SECTION).then_some("its watchdog ended the session meanwhile")
 }
 
+/// The check that tells why no session can be opened.
+const HELLO_CHECK: &str = "hello.layout";
 /// The sections of RS-422 alone, of CAN alone, and with the checks that let the watchdog end the session.
 const FRAMES_SECTION: u8 = 3;
 const CAN_SECTION: u8 = 17;

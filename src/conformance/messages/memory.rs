@@ -50,6 +50,9 @@ fn is_mismatch(reply: &MismatchReply, words: u32, what: &str) -> Verdict<()> {
     })
 }
 
+/// A request to a flash takes at most this much more than ten times the time for which the flash is busy (section 11).
+const AROUND_ERASE_US: u32 = 20_000;
+
 pub(super) async fn ram(driver: &mut Driver) -> Verdict {
     patterns(driver, 0, INTERNAL_WORDS).await
 }
@@ -104,6 +107,9 @@ pub(super) async fn flash_pattern(driver: &mut Driver) -> Verdict {
         let duration_us = erased.reply::<FlashErase>()?.duration_us;
         demand(duration_us <= erased.elapsed_us().saturating_add(1000), || {
             format!("flash {flash}: busy for {duration_us} us in an elapsed_us of {}", erased.elapsed_us())
+        })?;
+        demand(erased.elapsed_us() <= duration_us.saturating_mul(10).saturating_add(AROUND_ERASE_US), || {
+            format!("flash {flash}: busy for only {duration_us} us of an elapsed_us of {}", erased.elapsed_us())
         })?;
         let blank = driver.ask(&FlashBlankCheck { flash, sector }).await?;
         demand((blank.words, blank.mismatches) == (words, 0), || {

@@ -18,6 +18,8 @@ const RECEIVER: Duration = Duration::from_millis(2300);
 const CODES: std::ops::RangeInclusive<i32> = -8_388_608..=8_388_607;
 /// Share of samples that may equal the one before by chance or by a sensor that stands.
 const REPEATS: f64 = 0.02;
+/// How long readings are compared: a board may repeat in every second.
+const REPEATS_IN: Duration = Duration::from_millis(1500);
 /// Two edges of 1PPS lie so far apart, by a board's crystal that is 100 ppm off.
 const SECOND_NS: u64 = 1_000_000_000;
 const CRYSTAL_NS: u64 = 105_000;
@@ -51,7 +53,7 @@ pub(super) async fn repeats(driver: &mut Driver) -> Verdict {
     if driver.can_do(capability::REPEATED_READINGS) {
         return not_applicable("the board says by capability bit 3 that readings come twice");
     }
-    let run = stream(driver, &imu(200, 10), SHORT).await?;
+    let run = stream(driver, &imu(200, 10), REPEATS_IN).await?;
     let samples = samples(&run.frames);
     let twice = samples.windows(2).filter(|pair| pair[0] == pair[1]).count();
     demand(twice as f64 <= REPEATS * samples.len() as f64, || {
