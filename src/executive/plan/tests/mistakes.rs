@@ -147,7 +147,7 @@ gyro_x = "<= 1 deg/s"
     plan.toml:17:1: "foo_*" matches no measurement of sdram
      17 | "foo_*" = "== 0"
         | ^^^^^^^
-        = try: it measures mismatches_solid, mismatches_checkerboard, mismatches_walking_ones, mismatches_address, mismatches_march_c, words_tested, test_time
+        = try: it measures mismatches_solid, mismatches_checkerboard, mismatches_walking_ones, mismatches_address, mismatches_march_c, words_tested, fault, test_time
 
     plan.toml:21:9: unknown phase "before"
      21 | phase = "before"

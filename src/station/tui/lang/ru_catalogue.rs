@@ -96,6 +96,8 @@ const SENTENCES: &[(&str, &str)] = &[
      "Два адреса ведут в одну ячейку: линия адреса оборвана, залипла или замкнута."),
     ("Cells influence each other or lose their state: suspect the memory itself, then its timing and supply.",
      "Ячейки влияют друг на друга или теряют данные: сначала сама память, затем её тайминги и питание."),
+    ("The mismatches have this in common: look at it first, then at the patterns one by one.",
+        "Это общее у всех расхождений: смотрите сначала туда, потом на отдельные тесты."),
     ("The test did not cover the whole memory: compare the board's memory map with the plan.",
      "Проверена не вся память: сравните карту памяти платы с планом."),
     ("The memory answers slowly: check its clock and its wait states.",

@@ -96,6 +96,8 @@ const SENTENCES: &[(&str, &str)] = &[
      "两个地址指向同一单元：某根地址线开路、固定或短路。"),
     ("Cells influence each other or lose their state: suspect the memory itself, then its timing and supply.",
      "单元互相影响或丢失状态：先怀疑存储器本身，再查其时序和电源。"),
+    ("The mismatches have this in common: look at it first, then at the patterns one by one.",
+        "所有不符的共同点:先查这里,再逐个查各测试图形。"),
     ("The test did not cover the whole memory: compare the board's memory map with the plan.",
      "测试未覆盖全部存储器：将测试板的内存映射与方案比较。"),
     ("The memory answers slowly: check its clock and its wait states.",
