@@ -223,3 +223,33 @@ fn a_module_that_stays_under_power_is_a_danger() {
     assert_eq!(text.matches("DANGER: the module is still under power after MAKE_SAFE").count(), 2, "{text}");
     assert_eq!(place.record()["board_breaches"][0]["safety"], true);
 }
+
+/// What a test engineer reads of boards that fail in different ways, each told apart from the others.
+#[test]
+fn each_fault_of_a_board_has_words_of_its_own() {
+    let boards = [
+        ("deaf to HELLO", "deaf_to_hello = true"),
+        ("another nonce", "wrong_nonce = true"),
+        ("HELLO too long", "hello_extra_bytes = 1"),
+        ("HELLO late", "hello_after_ms = 3000.0"),
+        ("another version", "hello_chosen = 2"),
+        ("checksum", "checksum = \"big-endian\""),
+        ("never accepts the message", "wrong_message_id = true"),
+        ("ids of two requests swapped", "swaps_request_ids = true"),
+        ("header of another version", "header_version = 2"),
+        ("over-current", "over_current_at_power_on = true"),
+        ("watchdog", "watchdog_ms = 300.0"),
+        ("no power", "powers_off_after_s = 3.0"),
+        ("text", "debug_text = \"adc ok\\r\\n\"\ndebug_every_ms = 200.0"),
+        ("no module's values", "supply_uv_times = 1000.0"),
+    ];
+    let mut page = String::new();
+    for (name, keys) in boards {
+        for link in [Link::Rs422, Link::Can] {
+            let ran = run(&case("good", link, keys), Over::Memory, None);
+            let outcome = ran.outcome.map_or_else(|| "no outcome".to_owned(), |outcome| outcome.to_string());
+            page += &format!("{name}, {}: {outcome}\n{}\n", format!("{link:?}").to_lowercase(), told(&ran));
+        }
+    }
+    insta::assert_snapshot!(page);
+}

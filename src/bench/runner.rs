@@ -41,7 +41,7 @@ use crate::guidance::Guidance;
 use crate::journal::RunJournal;
 use crate::procedure::{ModuleSeen, ProcedureError};
 use crate::turntable;
-use connection::connect;
+use connection::{ConnectError, connect};
 use recovery::{session_lives, spoilt};
 use verdict::judge;
 
@@ -256,6 +256,11 @@ impl Run<'_> {
         match connected {
             Ok(Ok(board)) => return Ok(Some(board)),
             Ok(Err(error)) => {
+                if let ConnectError::Board(error) = &error
+                    && let Some(breach) = error.breach()
+                {
+                    self.breached(&breach).await?;
+                }
                 self.note(NoteLevel::Error, format!("{}; {}", with_causes(&error), error.try_this()), None).await?;
             }
             Err(asked) => self.stop_in_order(asked).await?,

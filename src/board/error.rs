@@ -103,8 +103,11 @@ pub enum BoardError {
         after: u32,
     },
     /// The board closed the session; its watchdog did not hear the station.
-    #[error("the board ended the session: its watchdog heard nothing from the station")]
-    SessionEnded,
+    #[error("the board ended the session: its watchdog {}", acted(*early))]
+    SessionEnded {
+        /// Time from what the board last heard of the station, if it is shorter than the document allows.
+        early: Option<Duration>,
+    },
     /// The board refused.
     #[error("the board refused {what}: {}{}", code.meaning(), colon(text))]
     Refused {
@@ -221,6 +224,16 @@ impl Heard {
     }
 }
 
+fn acted(early: Option<Duration>) -> String {
+    match early {
+        None => "heard nothing from the station".to_owned(),
+        Some(early) => format!(
+            "acted {} ms after it had heard the station, and 1750 ms are due (interface document, section 9)",
+            early.as_millis()
+        ),
+    }
+}
+
 const COMPARE: &str = "compare the board's firmware with the interface document";
 
 fn nothing_heard(on_can: bool) -> &'static str {
@@ -244,6 +257,16 @@ impl BoardError {
     #[must_use]
     pub fn is_crowded(&self) -> bool {
         matches!(self, Self::Refused { code: NakCode::DoesNotFit, .. })
+    }
+
+    /// The rule that the board broke, if that is the error.
+    #[must_use]
+    pub fn breach(&self) -> Option<Breach> {
+        match self {
+            Self::NoAnswer { heard: Heard::Breach(breach), .. } => Some(breach.clone()),
+            Self::Breach { rule, of, why } => Some(Breach { rule, count: 1, worst: Some(format!("{of}: {why}")) }),
+            _ => None,
+        }
     }
 
     /// Whether the board answered, so that it can be asked the next thing.
@@ -289,7 +312,8 @@ impl BoardError {
                 "compare the board's firmware with the interface document: a heartbeat each second; if the board is \
                  simulated, this computer was too busy: close other programs and start again"
             }
-            Self::SessionEnded => {
+            Self::SessionEnded { early: Some(_) } => COMPARE,
+            Self::SessionEnded { early: None } => {
                 "another program may have used the port, or this computer was too busy to run the station: close other \
                  programs and start again"
             }

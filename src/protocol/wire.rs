@@ -22,7 +22,7 @@ pub enum WireError {
         have: usize,
     },
     /// Bytes are left after the last field.
-    #[error("{extra} bytes are left after the last field")]
+    #[error("{extra} byte{} left after the last field", if *extra == 1 { " is" } else { "s are" })]
     Long {
         /// Bytes too many.
         extra: usize,

@@ -55,11 +55,11 @@ pub const BREACHES: &[Breach] = &[
     ("replay_runs_again = true", (Passed, &[]), (Passed, &[])),
     ("replay_without_flag = true", (Passed, &[]), (Passed, &[])),
     // HELLO.
-    ("wrong_nonce = true", (Errored, &[]), (Errored, &[])),
+    ("wrong_nonce = true", (Errored, &[6]), (Errored, &[6])),
     ("other_boot_id_in_hello = true", (Passed, &[6]), (Passed, &[6])),
-    ("hello_extra_bytes = 1", (Errored, &[]), (Errored, &[])),
+    ("hello_extra_bytes = 1", (Errored, &[6]), (Errored, &[6])),
     ("hello_versions = [2, 3]", (Passed, &[6]), (Passed, &[6])),
-    ("hello_chosen = 2", (Errored, &[]), (Errored, &[])),
+    ("hello_chosen = 2", (Errored, &[6]), (Errored, &[6])),
     ("deaf_to_hello = true", (Errored, &[]), (Errored, &[])),
     ("serial = \"B\\u00001\"", (Passed, &[5]), (Passed, &[5])),
     // The clock, state and power.
@@ -99,9 +99,9 @@ pub const BREACHES: &[Breach] = &[
     ("extra_samples = 5", (Passed, &[10]), (Passed, &[])),
     ("repeats = { samples = 50, of = 200 }", (Errored, &[10]), (Errored, &[10])),
     // Frames.
-    ("checksum = \"big-endian\"", (Errored, &[]), (Errored, &[])),
-    ("checksum = \"crc32\"", (Errored, &[]), (Errored, &[])),
-    ("checksum = \"not-inverted\"", (Errored, &[]), (Errored, &[])),
+    ("checksum = \"big-endian\"", (Errored, &[3]), (Errored, &[3])),
+    ("checksum = \"crc32\"", (Errored, &[3]), (Errored, &[3])),
+    ("checksum = \"not-inverted\"", (Errored, &[3]), (Errored, &[3])),
     ("debug_text = \"adc ok\\r\\n\"\ndebug_every_ms = 200.0", (Passed, &[3]), (Passed, &[])),
     ("stray_zero_every = 20", (Errored, &[]), (Passed, &[])),
     ("no_leading_delimiter = true", (Passed, &[]), (Passed, &[])),

@@ -176,7 +176,7 @@ pub(super) fn session_lives(trouble: &ProcedureError) -> bool {
                 | BoardError::Silent { .. }
                 | BoardError::NoHeartbeat { .. }
                 | BoardError::Restarted { .. }
-                | BoardError::SessionEnded
+                | BoardError::SessionEnded { .. }
         )
     )
 }

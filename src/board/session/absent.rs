@@ -55,13 +55,13 @@ impl Session {
     pub(super) fn no_session(&self) -> BoardError {
         match self.away_since {
             Some(_) => BoardError::Away { name: self.link.name() },
-            None => BoardError::SessionEnded,
+            None => BoardError::SessionEnded { early: None },
         }
     }
 
     /// The error when the board's watchdog ended the session. After an absence this is expected.
-    pub(super) fn watchdog_ended(&self) -> BoardError {
-        self.interrupted_by("its watchdog ended the session").unwrap_or(BoardError::SessionEnded)
+    pub(super) fn watchdog_ended(&self, early: Option<Duration>) -> BoardError {
+        self.interrupted_by("its watchdog ended the session").unwrap_or(BoardError::SessionEnded { early })
     }
 
     /// A board that restarts while the port is away may have lost its power with the plug. That says nothing of the

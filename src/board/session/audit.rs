@@ -443,12 +443,12 @@ impl Audit {
     }
 
     /// The board's watchdog ended the session. It may do so only if it heard nothing for its time; an answer shows what
-    /// it heard.
-    pub(super) fn watchdog(&self, now: Instant) {
-        let Some(quiet) = self.heard_us.and_then(|heard| self.span(heard, now)) else { return };
-        if quiet + WATCHDOG_OFF < timing::WATCHDOG {
-            self.see(&rule::WATCHDOG_EARLY, Case::OnlyTook(quiet));
-        }
+    /// it heard. Returns the time after which it acted, if that is too early.
+    pub(super) fn watchdog(&self, now: Instant) -> Option<Duration> {
+        let quiet = self.heard_us.and_then(|heard| self.span(heard, now))?;
+        let early = (quiet + WATCHDOG_OFF < timing::WATCHDOG).then_some(quiet)?;
+        self.see(&rule::WATCHDOG_EARLY, Case::OnlyTook(early));
+        Some(early)
     }
 }
 

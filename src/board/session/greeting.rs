@@ -106,8 +106,8 @@ impl Session {
             } else if self.in_doubt {
                 // The board is the same and has not restarted, yet it knows no session: its watchdog ended it.
                 self.session = None;
-                self.audit.watchdog(now);
-                self.fail_all(&self.watchdog_ended());
+                let early = self.audit.watchdog(now);
+                self.fail_all(&self.watchdog_ended(early));
             } else if let Some(other) = self.other_boot_id.take() {
                 // The session lives, so the board did not restart.
                 let case = format!("HELLO {before:08x}, heartbeat {other:08x}");

@@ -95,8 +95,8 @@ impl Session {
             },
             event::WATCHDOG if self.session.is_some() => {
                 self.session = None;
-                self.audit.watchdog(Instant::now());
-                self.fail_all(&self.watchdog_ended());
+                let early = self.audit.watchdog(Instant::now());
+                self.fail_all(&self.watchdog_ended(early));
             }
             _ => {}
         }

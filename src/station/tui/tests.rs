@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_executive::catalogue::ItemId;
-use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, NoteLevel};
+use gnc_executive::event::{AttemptError, BoardBreach, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_rig::{Along, Orientation};
 
@@ -519,4 +519,18 @@ fn runs_are_found() {
     scene.types("demo-2");
     let shown = scene.model.records.shown();
     assert_eq!(shown.iter().map(|run| run.serial_number.as_str()).collect::<Vec<_>>(), ["DEMO-2"]);
+}
+
+/// What the board does against the interface document stands below the board, and whole in the log.
+#[test]
+fn a_breach_stands_below_the_board() {
+    for lang in Lang::ALL {
+        let mut scene = scene(lang);
+        scene.start("DEMO-1");
+        let what = "the module is still under power after MAKE_SAFE".to_owned();
+        let breach = BoardBreach { section: 9, what, count: 2, worst: Some("4.9 V".into()), safety: true };
+        scene.event(EventKind::BoardBreach(breach));
+        let text = scene.text();
+        assert!(text.contains(&format!("{} 1: §9", lang.texts().board_breaks)), "{lang:?}: {text}");
+    }
 }

@@ -34,7 +34,7 @@ pub(super) static TEXTS: Texts = Texts {
     plan: "Plan",
     board: "Board",
     no_board_yet: "not asked yet",
-    board_breaks: "breaks the interface document",
+    board_breaks: "breaks the ICD",
     module_on: "module on",
     module_off: "module off",
     scan_here: "scan the label",

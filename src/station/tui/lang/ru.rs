@@ -35,7 +35,7 @@ pub(super) static TEXTS: Texts = Texts {
     plan: "План",
     board: "Плата",
     no_board_yet: "ещё не опрошена",
-    board_breaks: "нарушает документ интерфейса",
+    board_breaks: "нарушения ICD",
     module_on: "модуль включён",
     module_off: "модуль выключен",
     scan_here: "считайте этикетку",

@@ -35,7 +35,7 @@ pub(super) static TEXTS: Texts = Texts {
     plan: "测试方案",
     board: "测试板",
     no_board_yet: "尚未联系",
-    board_breaks: "不符合接口文档",
+    board_breaks: "不符接口文档",
     module_on: "模块已上电",
     module_off: "模块已断电",
     scan_here: "请扫描标签",

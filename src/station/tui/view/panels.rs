@@ -59,9 +59,14 @@ pub(super) fn product(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     }
     lines.push(line(texts.plan, &plan(model), Style::new()));
     let (board, board_style) = board(model);
-    lines.push(line(texts.board, &board, board_style));
-    if let Some((breaches, style)) = breaches(model) {
-        lines.push(line("", &breaches, style));
+    match breaches(model) {
+        // Where there is no room for both, what is wrong counts more than which board it is.
+        Some((breaches, style)) if !roomy => lines.push(line(texts.board, &breaches, style)),
+        Some((breaches, style)) => {
+            lines.push(line(texts.board, &board, board_style));
+            lines.push(line("", &breaches, style));
+        }
+        None => lines.push(line(texts.board, &board, board_style)),
     }
     let folder = model.run.as_ref().and_then(|run| run.folder.as_ref());
     if let Some(folder) = folder.filter(|_| roomy) {
@@ -133,7 +138,7 @@ fn breaches(model: &ScreenModel) -> Option<(String, Style)> {
     let newest = seen.iter().rev().find(|seen| seen.breach.safety).or(seen.last())?;
     let weight = if newest.breach.safety { MessageWeight::Error } else { MessageWeight::Warning };
     let BoardBreach { section, what, .. } = &newest.breach;
-    let told = format!("{}: {} (§{section}: {what})", model.texts.board_breaks, seen.len());
+    let told = format!("{} {}: §{section} {what}", model.texts.board_breaks, seen.len());
     Some((text::shown(&told), style::weight(model.look, weight)))
 }
 
