@@ -158,7 +158,10 @@ impl Audit {
             Kind::Stream | Kind::Event if request != 0 => {
                 self.see(&rule::REQUEST_ID, Case::Words(format!("request {request}")));
             }
-            Kind::Accept | Kind::Progress | Kind::Result | Kind::Nak if !self.asked.contains(&request) => {
+            Kind::Accept | Kind::Progress | Kind::Result | Kind::Nak
+                // Before the session, answers to an earlier program may still be on their way.
+                if self.opened.is_some() && !self.asked.contains(&request) =>
+            {
                 self.see(&rule::UNASKED, Case::Words(format!("request {request}")));
             }
             _ => {}
