@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use gnc_protocol::stream::StreamId;
 use tokio::sync::mpsc;
+use tokio::time::Instant;
 
 use crate::error::BoardError;
 use crate::rule::{self, Breach, Rule};
@@ -54,6 +55,8 @@ struct Counted {
     span: Option<Duration>,
     /// Whether the board is called for it.
     told: bool,
+    /// When it was seen last.
+    newest: Instant,
 }
 
 /// Breaches that may wait to be read: more than there are rules.
@@ -81,10 +84,16 @@ impl Breaches {
     fn keep(&self, rule: &'static Rule, case: Case, gross: bool) {
         let Seen { breaches, news, .. } = &mut *self.lock();
         let index = breaches.iter().position(|seen| seen.breach.rule == rule).unwrap_or_else(|| {
-            breaches.push(Counted { breach: Breach { rule, count: 0, worst: None }, span: None, told: false });
+            breaches.push(Counted {
+                breach: Breach { rule, count: 0, worst: None },
+                span: None,
+                told: false,
+                newest: Instant::now(),
+            });
             breaches.len() - 1
         });
-        let Counted { breach, span, told } = &mut breaches[index];
+        let Counted { breach, span, told, newest } = &mut breaches[index];
+        *newest = Instant::now();
         breach.count = breach.count.saturating_add(1);
         match case {
             Case::Plain => {}
@@ -132,10 +141,14 @@ impl Breaches {
         self.lock().breaches.iter().filter(|seen| seen.told).map(|seen| seen.breach.clone()).collect()
     }
 
-    /// The breach that explains best why no answer came.
-    pub(crate) fn instead_of_an_answer(&self) -> Option<Breach> {
-        let all = self.all();
-        rule::INSTEAD_OF_AN_ANSWER.iter().find_map(|rule| all.iter().find(|breach| breach.rule == *rule).cloned())
+    /// The breach that explains best why no answer came since then.
+    pub(crate) fn instead_of_an_answer(&self, since: Instant) -> Option<Breach> {
+        let seen = self.lock();
+        let new = |rule: &&'static Rule| {
+            let is_it = |seen: &&Counted| seen.told && seen.newest >= since && seen.breach.rule == *rule;
+            seen.breaches.iter().find(is_it).map(|seen| seen.breach.clone())
+        };
+        rule::INSTEAD_OF_AN_ANSWER.iter().find_map(new)
     }
 }
 

@@ -177,8 +177,8 @@ pub enum Heard {
         /// Whether the link is a CAN bus.
         on_can: bool,
     },
-    /// Heartbeats.
-    Heartbeats,
+    /// Frames that are no answer: heartbeats, samples, answers to other requests.
+    OtherFrames,
     /// The board accepted the request and then said no more of it.
     Accepted {
         /// Time since its last sign of the request.
@@ -192,7 +192,7 @@ impl std::fmt::Display for Heard {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Nothing { .. } => f.write_str("; nothing else was heard from it"),
-            Self::Heartbeats => f.write_str("; its heartbeats come"),
+            Self::OtherFrames => f.write_str("; other frames come from it"),
             Self::Accepted { silent } => {
                 write!(f, "; the board accepted it, and sent neither PROGRESS nor RESULT for {} ms", silent.as_millis())
             }
@@ -211,7 +211,7 @@ impl Heard {
     fn try_this(&self) -> &'static str {
         match self {
             Self::Nothing { on_can } => nothing_heard(*on_can),
-            Self::Heartbeats => {
+            Self::OtherFrames => {
                 "the way from the board to the station is good: check the way to the board, then how the board reads frames \
                  (interface document, sections 3 and 6)"
             }

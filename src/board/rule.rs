@@ -80,7 +80,8 @@ pub const NUL: Rule = Rule::value(5, "a text holds NUL");
 /// HELLO with another layout.
 pub const HELLO_LAYOUT: Rule = Rule::note(6, "the board's HELLO has another layout");
 /// HELLO with another nonce.
-pub const NONCE: Rule = Rule::note(6, "the board's HELLO carries another nonce than the station's");
+pub const NONCE: Rule =
+    Rule { needed: 2, ..Rule::note(6, "the board's HELLO carries another nonce than the station's") };
 /// HELLO that comes late.
 pub const HELLO_LATE: Rule = Rule::time(6, "the board answers HELLO later than 50 ms");
 /// HELLO that comes seconds late.
@@ -105,7 +106,7 @@ pub const NO_ACCEPT: Rule = Rule::note(7, "the board sends RESULT without ACCEPT
 /// More time than allowed between two PROGRESS.
 pub const PROGRESS_LATE: Rule = Rule::time(7, "more than 500 ms pass without PROGRESS while a request runs");
 /// A PROGRESS that cannot be.
-pub const PROGRESS: Rule = Rule::note(7, "PROGRESS cannot be right");
+pub const PROGRESS: Rule = Rule::note(7, "PROGRESS holds a value that cannot be");
 /// ACCEPT, PROGRESS or NAK that cannot be read.
 pub const ANSWER_LAYOUT: Rule = Rule::note(7, "an answer has another layout");
 /// A replay without its flag.
@@ -130,7 +131,8 @@ pub const STATE_POWERED: Rule =
 /// A module under power after MAKE_SAFE.
 pub const STAYS_POWERED: Rule = Rule::safety(9, "the module is still under power after MAKE_SAFE");
 /// A watchdog that acts while the station is heard.
-pub const WATCHDOG_EARLY: Rule = Rule::note(9, "the watchdog acts before 1750 ms without the station have passed");
+pub const WATCHDOG_EARLY: Rule =
+    Rule { needed: 2, ..Rule::note(9, "the watchdog acts before 1750 ms without the station have passed") };
 /// Samples of a stream that is not running.
 pub const STREAM_UNASKED: Rule = Rule::note(10, "samples come of a stream that does not run");
 /// Samples before the RESULT of StreamStart.
@@ -154,6 +156,6 @@ pub const CODE: Rule = Rule::value(10, "a sample holds a code beyond 24 bits");
 /// A capture of 1PPS at a time that cannot be.
 pub const CAPTURE: Rule = Rule::value(10, "a capture of 1PPS lies far from the board time of its frame");
 /// An answer that cannot be.
-pub const IMPOSSIBLE: Rule = Rule::value(11, "an answer cannot be");
+pub const IMPOSSIBLE: Rule = Rule::value(11, "an answer holds a value that cannot be");
 /// A code that the document does not have.
 pub const CODE_UNKNOWN: Rule = Rule::note(12, "the board uses a code that the document does not have");

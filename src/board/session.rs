@@ -314,7 +314,8 @@ impl Session {
                     due: now,
                     sendings: Sendings { sent: 0, first: now, last: now, answers: 0, first_answer: None },
                     runs: None,
-                    lost_before: 0,
+                    lost_before: LineCounters::default(),
+                    lost_at_run: LineCounters::default(),
                     expected_ms: 0,
                     ended_since: 0,
                     inquiry: false,
@@ -364,12 +365,12 @@ impl Session {
     }
 
     /// What came instead of an answer.
-    fn heard_instead(&self, runs: Option<Instant>, now: Instant) -> Heard {
-        match (runs, self.breaches.instead_of_an_answer()) {
+    fn heard_instead(&self, since: Instant, runs: Option<Instant>, now: Instant) -> Heard {
+        match (runs, self.breaches.instead_of_an_answer(since)) {
             (Some(_), Some(breach)) if breach.rule == &rule::OTHER_MESSAGE => Heard::Breach(breach),
             (Some(runs), _) => Heard::Accepted { silent: now - runs },
             (None, Some(breach)) => Heard::Breach(breach),
-            (None, None) if self.heartbeats > 0 => Heard::Heartbeats,
+            (None, None) if self.heard > since => Heard::OtherFrames,
             (None, None) => Heard::Nothing { on_can: self.on_can() },
         }
     }
@@ -391,7 +392,12 @@ impl Session {
             if pending.asked > timing::RESENDS {
                 let pending = self.pending.swap_remove(index);
                 let (what, asked, waited) = (pending.what, pending.asked, now - pending.since);
-                let error = BoardError::NoAnswer { what, asked, waited, heard: self.heard_instead(pending.runs, now) };
+                let error = BoardError::NoAnswer {
+                    what,
+                    asked,
+                    waited,
+                    heard: self.heard_instead(pending.sendings.first, pending.runs, now),
+                };
                 let _ = pending.answer.send(Err(error));
                 continue;
             }
@@ -400,7 +406,7 @@ impl Session {
             let lost = pending.asked > 1 || pending.asked == 1 && !std::mem::take(&mut pending.inquiry);
             pending.asked += 1;
             if pending.sendings.sent == 0 {
-                pending.lost_before = self.link.counters().missing;
+                pending.lost_before = self.link.counters();
                 pending.sendings.first = now;
             }
             pending.sendings.sent += 1;

@@ -211,7 +211,7 @@ fn severity(measurement: &Measurement) -> usize {
 /// The one cause that the mismatches of a memory have in common, if they have one.
 pub fn common_fault(attempt: &AttemptRecord) -> Option<String> {
     let fault = attempt.measurements.iter().find(|measurement| measurement.name == FAULT.name)?.value_text();
-    let is_one = ["one ", "data line "].iter().any(|start| fault.starts_with(start));
+    let is_one = ["one ", "bit "].iter().any(|start| fault.starts_with(start));
     is_one.then(|| printable(&fault).into_owned())
 }
 

@@ -48,6 +48,14 @@ pub struct LineCounters {
     pub missing: u32,
 }
 
+impl LineCounters {
+    /// What was lost or damaged: frames missing, and of each kind of damage.
+    #[must_use]
+    pub fn lost(self) -> (u32, u32, u32) {
+        (self.missing, self.bad_checksum, self.malformed)
+    }
+}
+
 /// Finds frames in arbitrary bytes. Holds at most one frame and never stalls: after any rubbish the next delimiter
 /// starts afresh.
 #[derive(Debug)]

@@ -46,6 +46,16 @@ pub fn violations(case: &Case, ran: &Ran) -> Vec<String> {
     }
     verdicts(case, record, expected, &mut found);
     ends(case, ran, record, &mut found);
+    if case.breach.is_empty() {
+        // The board keeps the document, whatever the line, the module and people do.
+        found.extend(record.board_breaches.iter().map(|breach| {
+            let worst = breach.worst.as_deref().unwrap_or_default();
+            format!(
+                "a board that keeps the document is called for section {}: {} ({worst})",
+                breach.section, breach.what
+            )
+        }));
+    }
     found.extend(losses(case, ran, record));
     found
 }

@@ -62,7 +62,7 @@ fn fault(failing: &[MismatchReply]) -> String {
     let (place, bit) = (first.first_place, bits(first).trailing_zeros());
     match (one_bit, one_word) {
         (true, true) => format!("one cell: bit {bit} of word {place:#08x}"),
-        (true, false) => format!("data line {bit}: the same bit in several words"),
+        (true, false) => format!("bit {bit} of several words: its data line"),
         (false, true) => format!("one word: {place:#08x}"),
         (false, false) => "several bits of several words".to_owned(),
     }
@@ -82,7 +82,7 @@ mod tests {
             [found(40_000, 0xffff, 0xf7ff, 1), found(40_000, 0xaaaa, 0xa2aa, 1), found(40_000, 0xffff, 0xf7ff, 2)];
         assert_eq!(fault(&cell), "one cell: bit 11 of word 0x009c40");
         let line = [found(0, 0xffff_ffff, 0xffff_ff7f, 1_048_576), found(7, 0x80, 0, 32_768)];
-        assert_eq!(fault(&line), "data line 7: the same bit in several words");
+        assert_eq!(fault(&line), "bit 7 of several words: its data line");
         assert_eq!(fault(&[found(5, 0x00ff, 0x0100, 1)]), "one word: 0x000005");
         assert_eq!(fault(&[found(5, 0x00ff, 0x0100, 9), found(8, 1, 0, 1)]), "several bits of several words");
         assert_eq!(fault(&[]), "none");

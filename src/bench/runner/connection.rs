@@ -9,23 +9,29 @@ use gnc_executive::event::{BoardInfo as BoardEvent, EventKind, NoteLevel, Power}
 use gnc_executive::job::{BoardAbilities, BoardLacks};
 use gnc_link::{Link, LinkError, Target};
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
-use gnc_protocol::message::{Flash, FlashId, Identity, MakeSafe, ModulePower, PowerReply, capability};
+use gnc_protocol::message::{Call, Flash, FlashId, Identity, MakeSafe, ModulePower, PowerReply, capability};
 use gnc_protocol::{NakCode, PROTOCOL_VERSION};
 use gnc_records::resume::ResumeError;
 use gnc_records::store::StoreError;
 use gnc_text::with_causes;
 use tokio::sync::watch;
 use tokio::time::error::Elapsed;
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout};
 
 use super::Run;
 use crate::procedure::ProcedureError;
 
 /// Longest wait for the board to make itself safe over a live link. If the board does not answer, its watchdog acts.
 pub(super) const SAFE_WITHIN: Duration = Duration::from_millis(250);
+/// What a slow line and an adapter may add to that, and the time after which an answer may be one that was lost.
+const LINE_ADDS: Duration = Duration::from_millis(125);
+const REPLAYED_AFTER: Duration = Duration::from_millis(750);
 /// Longest wait after that for a board that is late. Its watchdog acts within two seconds.
 const SAFE_LATE: Duration = Duration::from_millis(1500);
 
+/// Longest wait for a request of the runner itself. All of them take milliseconds; a board that says for ever that one
+/// goes on must not hold the run up.
+pub(super) const OWN_CALL: Duration = Duration::from_secs(10);
 /// Sections of the interface document whose breaches make the station ask again.
 const ASKED_AGAIN: [u8; 4] = [3, 4, 6, 7];
 
@@ -72,7 +78,7 @@ fn told(error: &(dyn std::error::Error + 'static), try_this: &str) -> String {
 
 /// The calibration that the module stores. A board without one, or one that cannot tell, is not at fault.
 async fn calibration(lease: &BoardLease<'_>) -> Option<String> {
-    let reply = lease.call(&CalibrationRead {}).await.ok()?;
+    let reply = timeout(OWN_CALL, lease.call(&CalibrationRead {})).await.ok()?.ok()?;
     let state = CalibrationState::from_number(reply.state)?;
     Some(match state {
         CalibrationState::None => "none".to_owned(),
@@ -184,9 +190,9 @@ impl Run<'_> {
         if !self.module.is_known() {
             return Ok(());
         }
-        match lease.call(&Identity {}).await {
-            Ok(identity) => self.module.compare(&identity, "in the new session"),
-            Err(_) => Ok(()),
+        match timeout(OWN_CALL, lease.call(&Identity {})).await {
+            Ok(Ok(identity)) => self.module.compare(&identity, "in the new session"),
+            Ok(Err(_)) | Err(_) => Ok(()),
         }
     }
 
@@ -197,11 +203,10 @@ impl Run<'_> {
         resumed.fits(firmware.as_deref(), power.calibration.as_deref())
     }
 
-    /// Asks something that needs the module's power, and changes nothing: the number of a part. A board whose module has
-    /// no power refuses it. `None`: the answer does not tell.
-    async fn is_powered(&self, board: &BoardClient) -> Option<bool> {
-        let (lease, question) = (self.own_desk(board), FlashId { flash: Flash::Spi as u8 });
-        match timeout(SAFE_WITHIN, lease.call(&question)).await.ok()? {
+    /// Asks something that needs the module's power, and changes nothing. A board whose module has no power refuses it. `None`: the answer does not tell.
+    async fn is_powered<C: Call>(&self, board: &BoardClient, question: &C) -> Option<bool> {
+        let lease = self.own_desk(board);
+        match timeout(SAFE_WITHIN, lease.call(question)).await.ok()? {
             Ok(_) | Err(BoardError::Fault { .. }) => Some(true),
             Err(BoardError::Refused { code: NakCode::NotPowered, .. }) => Some(false),
             Err(_) => None,
@@ -210,7 +215,7 @@ impl Run<'_> {
 
     /// Whether the module is still under power although the board has made itself safe.
     async fn stays_powered(&self, board: &BoardClient) -> bool {
-        let stays = self.is_powered(board).await == Some(true);
+        let stays = self.is_powered(board, &FlashId { flash: Flash::Spi as u8 }).await == Some(true);
         if stays {
             board.broke(&rule::STAYS_POWERED);
         }
@@ -219,7 +224,8 @@ impl Run<'_> {
 
     /// Whether the module lost the power that it was given.
     pub(super) async fn lost_power(&self, board: &BoardClient) -> bool {
-        self.own_desk(board).switches_supply() && self.is_powered(board).await == Some(false)
+        // Other items may use the flash meanwhile.
+        self.own_desk(board).switches_supply() && self.is_powered(board, &Identity {}).await == Some(false)
     }
 
     /// Asks the board to make itself safe. One that is late is waited for and named.
@@ -230,8 +236,10 @@ impl Run<'_> {
         match timeout(SAFE_WITHIN, &mut safe).await {
             Ok(safe) => Ok(safe),
             Err(_) => {
+                let asked = Instant::now();
                 let safe = timeout(SAFE_LATE, &mut safe).await;
-                if let Ok(Ok(())) = safe {
+                // The line and the adapter take some time, and a lost answer comes again much later.
+                if safe == Ok(Ok(())) && (LINE_ADDS..REPLAYED_AFTER).contains(&asked.elapsed()) {
                     board.broke(&rule::SAFE_LATE);
                 }
                 safe

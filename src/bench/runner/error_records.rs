@@ -6,6 +6,7 @@ use gnc_protocol::message::{ErrorKind, ErrorRecord, ErrorRecords};
 use gnc_records::store::StoreError;
 use gnc_text::with_causes;
 
+use super::connection::OWN_CALL;
 use super::{Landed, Run};
 
 /// Error records read at the end of one attempt: as many as the board keeps.
@@ -53,7 +54,9 @@ impl Run<'_> {
         lease: &BoardLease<'_>,
         item: Option<&str>,
     ) -> Result<(), StoreError> {
-        let Ok(reply) = lease.call(&ErrorRecords { from: self.records_read.get() }).await else { return Ok(()) };
+        let question = ErrorRecords { from: self.records_read.get() };
+        let reply = tokio::time::timeout(OWN_CALL, lease.call(&question)).await;
+        let Ok(Ok(reply)) = reply else { return Ok(()) };
         for record in &reply.records {
             self.records_read.set(record.index.wrapping_add(1));
             let RecordEvent { what, location, expected, got, .. } = for_people(record);

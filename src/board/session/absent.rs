@@ -26,6 +26,7 @@ impl Session {
     pub(super) fn came_back(&mut self, lasted: Duration) {
         let now = Instant::now();
         self.away_since = None;
+        self.audit.was_blind(now);
         self.interrupted = self.session.map(|_| (lasted, now));
         for pending in &mut self.pending {
             (pending.due, pending.since) = (now, (pending.since + lasted).min(now));

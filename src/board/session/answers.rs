@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
+use gnc_protocol::calibration::CalibrationRead;
 use gnc_protocol::message::{
-    Accept, Call as _, MakeSafe, ModulePower, Nak, Progress, ResultHead, StreamStart, StreamStartReply, StreamStop,
-    StreamStopReply,
+    Accept, Call as _, Identity, MakeSafe, ModulePower, Nak, Progress, ResultHead, StreamStart, StreamStartReply,
+    StreamStop, StreamStopReply,
 };
 use gnc_protocol::slave::KEPT_RESULTS;
 use gnc_protocol::stream::StreamId;
@@ -18,6 +19,9 @@ use crate::breach::Case;
 use crate::error::BoardError;
 use crate::rule;
 use crate::status::Advance;
+
+/// Messages to the module, which needs power for them; StreamStop lies among them and needs none.
+const NEEDS_POWER: std::ops::RangeInclusive<u16> = Identity::ID..=CalibrationRead::ID;
 
 impl Session {
     /// The request that an answer names, if it is one that waits.
@@ -34,7 +38,9 @@ impl Session {
     pub(super) fn accepted(&mut self, id: (u16, u16), payload: &[u8], now: Instant) {
         self.count_answer(id, now);
         let wire = self.link.exchange_time(0);
+        let counters = self.link.counters();
         let Some(pending) = self.named(id) else { return };
+        pending.lost_at_run = counters;
         pending.due = now + timing::PROGRESS_LOST_AFTER;
         let (first, once, sent_at) = (pending.runs.is_none(), pending.sendings.sent == 1, pending.sendings.last);
         // The request runs, so earlier losses no longer count.
@@ -51,7 +57,7 @@ impl Session {
         if once {
             self.audit.answered(sent_at);
             if first {
-                self.audit.took(&rule::ANSWER_LATE, sent_at, wire, now);
+                self.audit.took(sent_at, wire, now);
             }
         }
     }
@@ -72,12 +78,14 @@ impl Session {
         let first_answer = *sendings.first_answer.get_or_insert(now);
         if sendings.answers == sendings.sent && sendings.sent > 1 {
             let (first, wire) = (sendings.first, self.link.exchange_time(0));
-            self.audit.took(&rule::ANSWER_LATE, first, wire, first_answer);
+            self.audit.took(first, wire, first_answer);
         }
     }
 
     pub(super) fn progressed(&mut self, id: (u16, u16), payload: &[u8], now: Instant) {
+        let counters = self.link.counters();
         let Some(pending) = self.named(id) else { return };
+        let clean = std::mem::replace(&mut pending.lost_at_run, counters).lost() == counters.lost();
         pending.due = now + timing::PROGRESS_LOST_AFTER;
         // The board is alive, so earlier losses no longer count.
         pending.asked = 1;
@@ -98,7 +106,7 @@ impl Session {
             Err(error) => self.audit.see(&rule::ANSWER_LAYOUT, Case::Words(format!("PROGRESS: {error}"))),
         }
         if let Some(before) = before {
-            self.audit.progressed(before, now);
+            self.audit.progressed(before, clean, now);
         }
     }
 
@@ -148,6 +156,9 @@ impl Session {
             }
         });
         if let Ok(answer) = &answer {
+            if NEEDS_POWER.contains(&id.1) && id.1 != StreamStop::ID {
+                self.audit.has_power(pending.sendings.last);
+            }
             self.gauges.answered(id.1, &answer.body);
             match (id.1, pending.payload.first()) {
                 (ModulePower::ID, Some(on)) => {
@@ -160,7 +171,7 @@ impl Session {
                     self.audit.switched(false, now);
                     self.audit.streams_ended(now);
                 }
-                (StreamStart::ID, _) => self.started(&pending.payload, &answer.body),
+                (StreamStart::ID, _) => self.started(&pending, &answer.body),
                 _ => {}
             }
         }
@@ -168,12 +179,14 @@ impl Session {
         let _ = pending.answer.send(answer);
     }
 
-    fn started(&mut self, asked: &[u8], body: &[u8]) {
-        let (Ok(asked), Ok(reply)) = (StreamStart::from_payload(asked), StreamStartReply::from_payload(body)) else {
+    fn started(&mut self, pending: &Pending, body: &[u8]) {
+        let (Ok(asked), Ok(reply)) =
+            (StreamStart::from_payload(&pending.payload), StreamStartReply::from_payload(body))
+        else {
             return;
         };
         if let Some(id) = StreamId::from_number(asked.stream) {
-            self.audit.started(id, &asked, &reply, self.link.counters());
+            self.audit.started(id, &asked, &reply, pending.lost_before);
         }
     }
 
@@ -196,11 +209,14 @@ impl Session {
             self.audit.answered(pending.sendings.last);
         }
         match pending.runs {
-            Some(before) => self.audit.progressed(before, now),
+            Some(before) => {
+                let clean = pending.lost_at_run.lost() == self.link.counters().lost();
+                self.audit.progressed(before, clean, now);
+            }
             // A lost ACCEPT shows as a missing frame. A replay comes without ACCEPT.
             None if pending.sendings.sent == 1
                 && !flags.has(Flags::REPLAYED)
-                && self.link.counters().missing == pending.lost_before =>
+                && self.link.counters().lost() == pending.lost_before.lost() =>
             {
                 self.audit.see(&rule::NO_ACCEPT, Case::Words(pending.what.to_owned()));
             }
@@ -228,8 +244,10 @@ impl Session {
                 return;
             }
             // The board's HELLO tells whether it restarted.
-            self.in_doubt = true;
-            return self.say_hello(nonce);
+            if !std::mem::replace(&mut self.in_doubt, true) {
+                self.say_hello(nonce);
+            }
+            return;
         }
         self.count_answer((request, message), now);
         let wire = self.link.exchange_time(0);
@@ -240,7 +258,7 @@ impl Session {
         if pending.sendings.sent == 1 {
             self.audit.answered(pending.sendings.last);
             if pending.runs.is_none() {
-                self.audit.took(&rule::ANSWER_LATE, pending.sendings.last, wire, now);
+                self.audit.took(pending.sendings.last, wire, now);
             }
         }
         let (what, text) = (pending.what, nak.text.as_str().to_owned());

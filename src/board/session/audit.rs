@@ -20,10 +20,15 @@ const ASKED: usize = 1024;
 const NUMBERED: usize = 32;
 /// What an USB adapter holds back, with its latency timer as it comes (section 2).
 const HOST_ADDS: Duration = Duration::from_millis(16);
-/// An answer that is late by this factor is late beyond doubt.
-const GROSS: u32 = 4;
+/// Answers that are late until the board is, and the least share of them: one of so many.
+const LATE_ANSWERS: u32 = 3;
+const LATE_SHARE: u32 = 5;
 /// Time without a heartbeat that no busy computer explains.
 const NO_BEAT: Duration = Duration::from_millis(2500);
+/// Time without any frame after which the line may have been interrupted.
+const QUIET: Duration = Duration::from_millis(1250);
+/// The numbers of bytes on CAN begin anew after so many.
+const TURN: u32 = 1 << 16;
 /// Samples may come for this long after the RESULT of StreamStop: on CAN they have the lowest priority.
 const BEHIND_STOP: Duration = Duration::from_millis(500);
 /// Samples wait for less than a second, so most of a board's time since its start lies before them once it runs for this
@@ -32,11 +37,14 @@ const BEHIND_FROM_US: u64 = 2_000_000;
 const BEHIND_TIMES: u64 = 10;
 /// Board time of samples may be ahead of a heartbeat by this much.
 const AHEAD_US: u64 = 1_000_000;
-/// Share of samples that may equal the one before by chance, where noise is smaller than the steps of CAN; share from
-/// which on a sensor is dead; and samples after which the shares mean something.
-const REPEATED_PERCENT: u32 = 5;
-const DEAD_PERCENT: u32 = 90;
-const REPEATS_FROM: u32 = 200;
+/// Share of samples that may equal the one before by chance, on CAN with its larger steps; share from which on a sensor is
+/// dead; and samples after which the shares mean something.
+const REPEATED_PERCENT: u64 = 5;
+const REPEATED_ON_CAN_PERCENT: u64 = 20;
+const DEAD_PERCENT: u64 = 90;
+const REPEATS_FROM: u64 = 200;
+/// Heartbeats that are late until the board is.
+const LATE_BEATS: u32 = 2;
 /// A heartbeat may be early or late by this much: what the adapter adds, and half of a frame that is in its way.
 const BEAT_OFF: Duration = Duration::from_millis(250);
 /// PROGRESS may be late by this much.
@@ -58,10 +66,21 @@ pub(super) struct Audit {
     numbers: [VecDeque<(u16, u32)>; 2],
     /// Whether the newest frame came a second time.
     doubled: bool,
+    /// Steps back of the sequence numbers since the last heartbeat.
+    steps_back: Vec<String>,
     /// The last heartbeat, or the beginning of the session.
     beat: Option<Instant>,
     /// Whether the present time without a heartbeat is kept already.
     beat_missed: bool,
+    /// What the line had lost at the last heartbeat; heartbeats, and those that came late or early.
+    lost_at_beat: (u32, u32, u32),
+    beats: (u32, u32, u32),
+    /// Answers to requests, and those that came late.
+    answers: (u32, u32),
+    /// The last frame of any kind.
+    last_frame: Option<Instant>,
+    /// When a heartbeat said that the module is without power, and it was switched on.
+    unpowered: Option<Instant>,
     /// The station was not at its work until then, so times up to then say nothing of the board.
     blind_until: Option<Instant>,
     /// Whether the module is under power by what the board was told and said, and since when.
@@ -81,6 +100,8 @@ pub(super) struct Audit {
 struct StreamRun {
     id: StreamId,
     runs: bool,
+    /// Whether the RESULT of its StreamStart has not come.
+    is_early: bool,
     /// The number after the last sample that came, and what the board had dropped then.
     end: u32,
     dropped: u32,
@@ -95,10 +116,33 @@ struct StreamRun {
     stopped: Option<Instant>,
     /// The newest board time of its samples.
     newest_us: u64,
-    /// The last sample, the number of samples, and of those that repeat the one before on all channels.
+    /// The last sample, the number of samples, the present row of samples that repeat it, and all of such rows that ended.
     last_sample: Box<[u8]>,
-    samples: u32,
-    repeated: u32,
+    samples: u64,
+    row: u64,
+    repeated: u64,
+}
+
+impl StreamRun {
+    fn new(id: StreamId, before: LineCounters) -> Self {
+        Self {
+            id,
+            runs: false,
+            is_early: false,
+            end: 0,
+            dropped: 0,
+            before,
+            count: 0,
+            a_frame: 0,
+            last_frame: None,
+            stopped: None,
+            newest_us: 0,
+            last_sample: Box::default(),
+            samples: 0,
+            row: 0,
+            repeated: 0,
+        }
+    }
 }
 
 impl Audit {
@@ -108,8 +152,14 @@ impl Audit {
             asked: VecDeque::new(),
             numbers: [VecDeque::new(), VecDeque::new()],
             doubled: false,
+            steps_back: Vec::new(),
             beat: None,
             beat_missed: false,
+            lost_at_beat: (0, 0, 0),
+            beats: (0, 0, 0),
+            answers: (0, 0),
+            last_frame: None,
+            unpowered: None,
             blind_until: None,
             powered: None,
             opened: None,
@@ -196,10 +246,14 @@ impl Audit {
             numbers.pop_front();
         }
         numbers.push_back((sequence, sum));
-        match again {
-            Some(_) => self.see(&rule::SEQUENCE, Case::Words(format!("{sequence} comes again with another frame"))),
-            None if far => self.see(&rule::SEQUENCE, Case::Words(format!("it goes back to {sequence}"))),
-            None => {}
+        let words = match again {
+            Some(_) => format!("{sequence} comes again with another frame"),
+            None if far => format!("it goes back to {sequence}"),
+            None => return,
+        };
+        // A board that restarts begins anew; its next heartbeat tells.
+        if self.steps_back.len() < NUMBERED {
+            self.steps_back.push(words);
         }
     }
 
@@ -211,7 +265,9 @@ impl Audit {
     /// The board restarted, or a new session begins: numbers and times begin anew.
     pub(super) fn begins_anew(&mut self) {
         (self.beat, self.powered, self.opened, self.heard_us) = (None, None, None, None);
+        (self.unpowered, self.beats) = (None, (0, 0, 0));
         self.numbers.iter_mut().for_each(VecDeque::clear);
+        self.steps_back.clear();
         self.beat_missed = false;
         self.runs.clear();
     }
@@ -228,14 +284,17 @@ impl Audit {
         self.heard_us = self.heard_us.max(Some(asked));
     }
 
-    /// Compares the time of the first answer to something that was sent once with what the document allows: 50 ms, and
-    /// the time on the wire.
-    pub(super) fn took(&self, rule: &'static Rule, asked: Instant, wire: Duration, now: Instant) {
+    /// Compares the time of the first answer to a request with what the document allows: 50 ms, and the time on the wire. A
+    /// line that stands still now and then makes some answers late; a board that is late is so again and again.
+    pub(super) fn took(&mut self, asked: Instant, wire: Duration, now: Instant) {
         let Some(took) = self.span(asked, now) else { return };
-        if took > timing::ACCEPT_WITHIN * GROSS + wire + HOST_ADDS {
-            self.breaches.see_gross(rule, Case::Took(took));
-        } else if took > timing::ACCEPT_WITHIN + wire + HOST_ADDS {
-            self.see(rule, Case::Took(took));
+        let (all, late) = &mut self.answers;
+        *all += 1;
+        if took > timing::ACCEPT_WITHIN + wire + HOST_ADDS {
+            *late += 1;
+            if *late >= LATE_ANSWERS && *late * LATE_SHARE >= *all {
+                self.breaches.see_gross(&rule::ANSWER_LATE, Case::Took(took));
+            }
         }
     }
 
@@ -245,7 +304,11 @@ impl Audit {
     }
 
     /// An accepted request shows that it runs, by PROGRESS or by its result.
-    pub(super) fn progressed(&self, before: Instant, now: Instant) {
+    pub(super) fn progressed(&self, before: Instant, clean: bool, now: Instant) {
+        if !clean {
+            // The line may have lost one.
+            return;
+        }
         let Some(gap) = self.span(before, now) else { return };
         if gap > timing::PROGRESS_EVERY + PROGRESS_OFF {
             self.see(&rule::PROGRESS_LATE, Case::Took(gap));
@@ -262,32 +325,20 @@ impl Audit {
         self.powered = Some((on, now));
     }
 
-    /// The board has started a stream.
+    /// The board has started a stream; `before` is what the line had lost when it was asked to.
     pub(super) fn started(
         &mut self,
         id: StreamId,
         asked: &StreamStart,
         reply: &StreamStartReply,
-        counters: LineCounters,
+        before: LineCounters,
     ) {
-        self.runs.retain(|run| run.id != id);
+        let early = self.runs.iter().position(|run| run.id == id).map(|index| self.runs.swap_remove(index));
+        let early = early.filter(|run| run.is_early);
         // On CAN the link puts the frames together.
         let a_frame = if self.numbered { reply.samples_per_frame.into() } else { 0 };
-        self.runs.push(StreamRun {
-            id,
-            runs: true,
-            end: 0,
-            dropped: 0,
-            before: counters,
-            count: asked.count,
-            a_frame,
-            last_frame: None,
-            stopped: None,
-            newest_us: 0,
-            last_sample: Box::default(),
-            samples: 0,
-            repeated: 0,
-        });
+        let run = early.unwrap_or_else(|| StreamRun::new(id, before));
+        self.runs.push(StreamRun { runs: true, is_early: false, count: asked.count, a_frame, ..run });
     }
 
     /// All streams have ended: the module is without power.
@@ -297,31 +348,45 @@ impl Audit {
         }
     }
 
-    /// A frame of a stream came. `starting`: the RESULT of its StreamStart has not come. Returns why the frame cannot be.
+    /// A frame of a stream came. `starting`: the RESULT of its StreamStart has not come, and whether the line lost nothing since
+    /// it was asked for. Returns why the frame cannot be.
     pub(super) fn frame(
         &mut self,
         id: StreamId,
         head: &StreamHead,
-        starting: bool,
+        starting: Option<bool>,
         counters: LineCounters,
         now: Instant,
     ) -> Option<String> {
+        // Before the session, samples of an earlier program may still be on their way.
+        self.opened?;
         let numbered = self.numbered;
         let name = || Case::Words(id.name().to_owned());
-        let Some(run) = self.runs.iter_mut().find(|run| run.id == id).filter(|_| !starting) else {
-            if numbered || !starting {
-                self.see(if starting { &rule::STREAM_EARLY } else { &rule::STREAM_UNASKED }, name());
+        if let Some(clean) = starting {
+            if numbered && clean {
+                self.see(&rule::STREAM_EARLY, name());
             }
+            self.keep_early(id, head, counters);
             return None;
-        };
+        }
+        if !self.runs.iter().any(|run| run.id == id) {
+            self.see(&rule::STREAM_UNASKED, name());
+            return None;
+        }
+        let blind_until = self.blind_until;
+        let run = self.runs.iter_mut().find(|run| run.id == id)?;
         let (before, end) = (run.end, head.first.saturating_add(head.count.into()));
         let on_board = head.dropped.saturating_sub(run.dropped);
         let gap = head.first.saturating_sub(before).saturating_sub(on_board);
-        let lost = lost(counters) != lost(run.before);
+        let lost = counters.lost() != run.before.lost();
         let a_frame = run.a_frame;
         let other_count = run.last_frame.filter(|last| a_frame > 0 && *last != a_frame);
         let beyond = run.count > 0 && end > run.count && before <= run.count;
-        let late = run.stopped.is_some_and(|stopped| now > stopped + BEHIND_STOP && head.board_time_us > run.newest_us);
+        let late = run.stopped.is_some_and(|stopped| {
+            now > stopped + BEHIND_STOP
+                && blind_until.is_none_or(|until| until < stopped)
+                && head.board_time_us > run.newest_us
+        });
         (run.end, run.dropped) = (before.max(end), run.dropped.max(head.dropped));
         (run.before, run.last_frame) = (counters, Some(head.count));
         run.newest_us = run.newest_us.max(head.board_time_us);
@@ -337,25 +402,42 @@ impl Audit {
         }
         (numbered && gap > 0 && !lost).then(|| {
             format!(
-                "{gap} samples are missing before number {}, dropped counts none, and no frame is missing",
+                "{gap} samples are missing before number {}, dropped does not count them, and no frame is missing",
                 head.first
             )
         })
     }
 
-    /// Counts the samples that repeat the one before on all channels. A sensor that is dead repeats all of them; a board that
-    /// hands readings on twice repeats some, and says so by its capability. Returns what it does, if it does not say so.
+    /// Keeps what came before the RESULT of StreamStart, which the line may have lost: its account goes on from there.
+    fn keep_early(&mut self, id: StreamId, head: &StreamHead, counters: LineCounters) {
+        if !self.runs.iter().any(|run| run.id == id && run.is_early) {
+            self.runs.retain(|run| run.id != id);
+            self.runs.push(StreamRun { is_early: true, ..StreamRun::new(id, counters) });
+        }
+        let Some(run) = self.runs.iter_mut().find(|run| run.id == id) else { return };
+        run.end = run.end.max(head.first.saturating_add(head.count.into()));
+        run.dropped = run.dropped.max(head.dropped);
+        run.before = counters;
+        run.newest_us = run.newest_us.max(head.board_time_us);
+    }
+
+    /// Counts the samples that repeat the one before on all channels. A sensor that has died repeats its last reading for
+    /// ever; a board that hands readings on twice goes on with a new one, and says so by its capability. Returns what it
+    /// does, if it does not say so.
     pub(super) fn repeats(&mut self, id: StreamId, sample_bytes: usize, samples: &[u8]) -> Option<String> {
+        let least_percent = if self.numbered { REPEATED_PERCENT } else { REPEATED_ON_CAN_PERCENT };
         let run = self.runs.iter_mut().find(|run| run.id == id)?;
         for sample in samples.chunks_exact(sample_bytes) {
             run.samples += 1;
-            run.repeated += u32::from(*sample == *run.last_sample);
-            if *sample != *run.last_sample {
+            if *sample == *run.last_sample {
+                run.row += 1;
+            } else {
                 run.last_sample = sample.into();
+                run.repeated += std::mem::take(&mut run.row);
             }
         }
         let StreamRun { samples, repeated, .. } = *run;
-        let some = REPEATED_PERCENT * samples < 100 * repeated && 100 * repeated < DEAD_PERCENT * samples;
+        let some = least_percent * samples < 100 * repeated && 100 * repeated < DEAD_PERCENT * samples;
         (samples >= REPEATS_FROM && some).then(|| format!("{repeated} of {samples} samples repeat the one before"))
     }
 
@@ -378,7 +460,9 @@ impl Audit {
             self.see(&rule::STREAM_LONG, Case::Words(format!("{}: {produced} of {count}", id.name())));
         }
         let run = self.runs.iter_mut().find(|run| run.id == id)?;
-        if produced < end {
+        // On CAN a doubled or overtaken frame may be taken for one of the next turn of the numbers.
+        let is_turn = !self.numbered && end.saturating_sub(produced) >= TURN / 2;
+        if produced < end && !is_turn {
             return Some(format!("{} came up to sample {end}, of {produced} produced", id.name()));
         }
         if dropped < dropped_before {
@@ -386,7 +470,7 @@ impl Audit {
         }
         // On CAN the line can lose samples without a trace in the counters.
         let most = end.saturating_add(dropped - dropped_before);
-        if self.numbered && lost(counters) == lost(run.before) && produced > most {
+        if self.numbered && counters.lost() == run.before.lost() && produced > most {
             let not_sent = produced - most;
             return Some(format!(
                 "{not_sent} of {produced} samples of {} never came, and no frame is missing",
@@ -408,8 +492,14 @@ impl Audit {
         ahead.map(|run| (run.id, std::mem::take(&mut run.newest_us))).collect()
     }
 
-    /// Something came from the board: heartbeats must too.
-    pub(super) fn heard(&mut self, now: Instant) {
+    /// Something came from the board: heartbeats must too. After a time in which nothing came, the line may be to blame.
+    pub(super) fn heard(&mut self, counters: LineCounters, now: Instant) {
+        if self.last_frame.replace(now).is_some_and(|last| now.saturating_duration_since(last) > QUIET) {
+            self.was_blind(now);
+        }
+        if counters.lost() != self.lost_at_beat {
+            return;
+        }
         let Some(gap) = self.beat.and_then(|before| self.span(before, now)).filter(|gap| *gap > NO_BEAT) else {
             return;
         };
@@ -419,18 +509,11 @@ impl Audit {
     }
 
     /// A heartbeat of the session.
-    pub(super) fn beat(&mut self, beat: &Heartbeat, now: Instant) {
-        if let Some(gap) =
-            self.beat.filter(|before| Some(*before) != self.opened).and_then(|before| self.span(before, now))
-        {
-            if gap > timing::HEARTBEAT_EVERY + BEAT_OFF && !self.beat_missed {
-                self.see(&rule::HEARTBEAT_LATE, Case::Took(gap));
-            } else if gap + BEAT_OFF < timing::HEARTBEAT_EVERY {
-                self.see(&rule::HEARTBEAT_EARLY, Case::OnlyTook(gap));
-            }
+    pub(super) fn beat(&mut self, beat: &Heartbeat, counters: LineCounters, now: Instant) {
+        for words in std::mem::take(&mut self.steps_back) {
+            self.see(&rule::SEQUENCE, Case::Words(words));
         }
-        self.beat = Some(now);
-        self.beat_missed = false;
+        self.time_beat(counters, now);
         let shown = |since: Instant| self.span(since, now).is_some_and(|span| span > SHOWN_AFTER);
         if self.opened.is_some_and(shown)
             && beat.state & SESSION_OPEN == 0
@@ -440,8 +523,39 @@ impl Audit {
         }
         match self.powered.filter(|(_, since)| shown(*since)) {
             Some((false, _)) if beat.state & POWERED != 0 => self.see(&rule::STATE_POWERED, Case::Plain),
-            Some((true, _)) if beat.state & POWERED == 0 => self.see(&rule::STATE_UNPOWERED, Case::Plain),
-            _ => {}
+            // The board's protection may have switched it off; the next answer of the module tells.
+            Some((true, _)) if beat.state & POWERED == 0 => self.unpowered = Some(now),
+            _ => self.unpowered = None,
+        }
+    }
+
+    /// Times a heartbeat. A line that loses or doubles one makes another late or early, and so does a station that was not
+    /// at its work, so most of them must be.
+    fn time_beat(&mut self, counters: LineCounters, now: Instant) {
+        let clean = std::mem::replace(&mut self.lost_at_beat, counters.lost()) == counters.lost();
+        let before = self.beat.replace(now).filter(|before| Some(*before) != self.opened);
+        let missed = std::mem::take(&mut self.beat_missed);
+        let Some((before, gap)) = before.and_then(|before| Some((before, self.span(before, now)?))) else { return };
+        let awake = self.blind_until.is_none_or(|until| until + timing::HEARTBEAT_EVERY < before);
+        let (all, late, early) = &mut self.beats;
+        *all += 1;
+        if gap > timing::HEARTBEAT_EVERY + BEAT_OFF && clean && !missed {
+            *late += 1;
+            if *late >= LATE_BEATS && *late * 2 >= *all {
+                self.breaches.see_gross(&rule::HEARTBEAT_LATE, Case::Took(gap));
+            }
+        } else if gap + BEAT_OFF < timing::HEARTBEAT_EVERY && awake {
+            *early += 1;
+            if *early > LATE_BEATS && *early * 2 >= *all {
+                self.breaches.see_gross(&rule::HEARTBEAT_EARLY, Case::OnlyTook(gap));
+            }
+        }
+    }
+
+    /// The module answered something that was asked at `asked`, so it has power.
+    pub(super) fn has_power(&mut self, asked: Instant) {
+        if self.unpowered.take_if(|unpowered| asked > *unpowered).is_some() {
+            self.see(&rule::STATE_UNPOWERED, Case::Plain);
         }
     }
 
@@ -450,11 +564,8 @@ impl Audit {
     pub(super) fn watchdog(&self, now: Instant) -> Option<Duration> {
         let quiet = self.heard_us.and_then(|heard| self.span(heard, now))?;
         let early = (quiet + WATCHDOG_OFF < timing::WATCHDOG).then_some(quiet)?;
+        // A computer that was suspended takes a long time for a short one; not twice in a run.
         self.see(&rule::WATCHDOG_EARLY, Case::OnlyTook(early));
-        Some(early)
+        self.breaches.all().iter().any(|breach| breach.rule == &rule::WATCHDOG_EARLY).then_some(early)
     }
-}
-
-fn lost(counters: LineCounters) -> (u32, u32, u32) {
-    (counters.missing, counters.bad_checksum, counters.malformed)
 }

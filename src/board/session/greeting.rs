@@ -52,7 +52,7 @@ impl Session {
     pub(super) fn greet_again(&mut self, now: Instant) {
         let Some(greeting) = self.greeting.as_mut().filter(|greeting| now >= greeting.due) else { return };
         if now - greeting.since > HELLO_FOR {
-            let (asked, waited) = (greeting.asked, now - greeting.since);
+            let (asked, since, waited) = (greeting.asked, greeting.since, now - greeting.since);
             if self.heartbeats > 0 && waited < HELLO_FOR + LATE_HELLO {
                 greeting.due = greeting.since + HELLO_FOR + LATE_HELLO;
                 return;
@@ -60,12 +60,12 @@ impl Session {
             let LineCounters { frames, bad_checksum, malformed, .. } = self.link.counters();
             let damaged = bad_checksum + malformed;
             // Noise may hold text, but no checksum that a mistake explains.
-            let breach = self.breaches.instead_of_an_answer();
+            let breach = self.breaches.instead_of_an_answer(since);
             let by_mistake = breach.is_some_and(|breach| breach.rule == &rule::CHECKSUM);
             let error = match frames {
                 // One damaged frame may be the rest of a frame: the port may have opened in the middle of it.
                 0 if damaged > 1 && !by_mistake => BoardError::Garbled { damaged, asked, on_can: self.on_can() },
-                _ => BoardError::NoAnswer { what: "HELLO", asked, waited, heard: self.heard_instead(None, now) },
+                _ => BoardError::NoAnswer { what: "HELLO", asked, waited, heard: self.heard_instead(since, None, now) },
             };
             if let Some(greeting) = self.greeting.take() {
                 let _ = greeting.answer.send(Err(error));
@@ -175,7 +175,7 @@ impl Session {
         if !self.audit.is_late(asked, wire, now) {
             return;
         }
-        self.audit.took(&rule::HELLO_LATE, asked, wire, now);
+        self.audit.see(&rule::HELLO_LATE, Case::Took(now - asked));
         self.hello_late += 1;
         if let Some((nonce, _)) = self.session
             && self.hello_late < HELLOS

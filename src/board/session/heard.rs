@@ -43,7 +43,7 @@ impl Session {
         if !self.audit.header(frame) {
             return;
         }
-        self.audit.heard(now);
+        self.audit.heard(self.link.counters(), now);
         match kind {
             Kind::Hello => self.hello(&frame.payload),
             Kind::Accept => self.accepted((request, message), &frame.payload, now),
@@ -103,6 +103,9 @@ impl Session {
     }
 
     fn heartbeat(&mut self, beat: &Heartbeat) {
+        if self.audit.was_doubled() {
+            return;
+        }
         self.heartbeats = self.heartbeats.saturating_add(1);
         let Some((nonce, before)) = self.session else { return };
         let now = Instant::now();
@@ -137,7 +140,7 @@ impl Session {
                 return self.restarted(before, beat.boot_id);
             }
         }
-        self.audit.beat(beat, now);
+        self.audit.beat(beat, self.link.counters(), now);
         self.beat = now;
         self.board_time.change(|board_time| {
             board_time.board_time_us = beat.board_time_us;
@@ -186,7 +189,9 @@ impl Session {
                 && pending.payload.first() == Some(&(id as u8))
                 && pending.sendings.sent > 0
         };
-        let starting = self.pending.iter().any(starts);
+        let lost = self.link.counters().lost();
+        let starting = self.pending.iter().find(|pending| starts(pending));
+        let starting = starting.map(|pending| pending.sendings.sent == 1 && pending.lost_before.lost() == lost);
         if let Some(why) = self.audit.frame(id, &frame.head, starting, self.link.counters(), now) {
             let error = self.breaches.refuse(&rule::ACCOUNT, id.name(), why);
             return self.end_stream(id, error);

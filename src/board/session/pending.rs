@@ -2,6 +2,7 @@
 
 use gnc_protocol::Payload;
 use gnc_protocol::message::{Abort, Call as _, MakeSafe};
+use gnc_protocol::serial::LineCounters;
 use gnc_protocol::slave::{KEPT_RESULTS, MAX_RUNNING};
 use tokio::sync::{oneshot, watch};
 use tokio::time::Instant;
@@ -34,8 +35,9 @@ pub(super) struct Pending {
     pub(super) sendings: Sendings,
     /// When the board showed last that the request runs: by ACCEPT or PROGRESS.
     pub(super) runs: Option<Instant>,
-    /// Frames that the line lost before it was sent.
-    pub(super) lost_before: u32,
+    /// What the line had lost when it was first sent, and when the board last showed that it runs.
+    pub(super) lost_before: LineCounters,
+    pub(super) lost_at_run: LineCounters,
     pub(super) expected_ms: u32,
     /// Requests that ended since this one was last known to run.
     pub(super) ended_since: u32,
