@@ -415,14 +415,21 @@ impl Run<'_> {
     /// Why a failed attempt says nothing of the module: it lost its power, or the times of its samples do not fit the
     /// board's clock, which the next heartbeat shows.
     async fn doubt(&self, board: &BoardClient, landed: &Landed) -> Option<BoardError> {
-        if self.lost_power(board).await {
-            return Some(BoardError::PowerLost);
+        let look = async {
+            if self.lost_power(board).await {
+                return Some(BoardError::PowerLost);
+            }
+            if !landed.streams.is_empty() {
+                let _ = timeout(HEARTBEAT_WITHIN, board.board_time().changed()).await;
+            }
+            board.broken_stream(landed.refusals, &landed.streams)
+        };
+        tokio::select! {
+            biased;
+            // After a stop the module must be off soon.
+            _ = self.control.asked_times(1) => board.broken_stream(landed.refusals, &landed.streams),
+            doubt = look => doubt,
         }
-        if landed.streams.is_empty() {
-            return None;
-        }
-        let _ = timeout(HEARTBEAT_WITHIN, board.board_time().changed()).await;
-        board.broken_stream(landed.refusals, &landed.streams)
     }
 
     /// Judges an attempt that has ended by what the journal has of it.

@@ -121,7 +121,7 @@ pub const HEARTBEAT_EARLY: Rule = Rule::time(9, "less than 1000 ms pass between 
 pub const HEARTBEAT_LAYOUT: Rule = Rule::note(9, "the heartbeat has another layout");
 /// Bit 0 of the state is wrong.
 pub const STATE_SESSION: Rule =
-    Rule::note(9, "the heartbeat says that there is no session, and the board answers in it");
+    Rule { needed: 2, ..Rule::note(9, "the heartbeat says that there is no session, and the board answers in it") };
 /// Bit 1 of the state is 0 though the supply is on.
 pub const STATE_UNPOWERED: Rule =
     Rule::note(9, "the heartbeat says that the module is without power, and it was switched on");

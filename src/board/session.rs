@@ -149,7 +149,7 @@ pub(super) struct Session {
     gauges: Gauges,
     audit: Audit,
     breaches: Breaches,
-    /// What came since the HELLO or the request that waits longest: for the error that says that no answer came.
+    /// Heartbeats since a session was last asked for.
     heartbeats: u32,
     /// Damaged frames that are no damage of the line: the board works its checksums out in another way, or sends what is
     /// no frame.

@@ -92,6 +92,11 @@ impl Session {
         let hello = match BoardHello::from_payload(payload) {
             Ok(hello) if hello.magic == MAGIC => hello,
             Ok(_) => return self.audit.see(&rule::HELLO_LAYOUT, Case::Words("the magic is another one".into())),
+            // The station's own HELLO comes back: an echo on the line.
+            Err(_) if HostHello::from_payload(payload).is_ok_and(|hello| hello.magic == MAGIC) => {
+                self.report.echoed = self.report.echoed.saturating_add(1);
+                return;
+            }
             Err(error) => return self.audit.see(&rule::HELLO_LAYOUT, Case::Words(error.to_string())),
         };
         if let Some((nonce, before)) = self.session {
