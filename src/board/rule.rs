@@ -104,7 +104,8 @@ pub const OTHER_MESSAGE: Rule = Rule::value(7, "an answer carries the message id
 /// A result without ACCEPT.
 pub const NO_ACCEPT: Rule = Rule::note(7, "the board sends RESULT without ACCEPT");
 /// More time than allowed between two PROGRESS.
-pub const PROGRESS_LATE: Rule = Rule::time(7, "more than 500 ms pass without PROGRESS while a request runs");
+pub const PROGRESS_LATE: Rule =
+    Rule { needed: 5, ..Rule::time(7, "more than 500 ms pass without PROGRESS while a request runs") };
 /// A PROGRESS that cannot be.
 pub const PROGRESS: Rule = Rule::note(7, "PROGRESS holds a value that cannot be");
 /// ACCEPT, PROGRESS or NAK that cannot be read.

@@ -118,7 +118,10 @@ impl Session {
         }
         if self.named(id).is_none() {
             // A result for which no request waits: a replay that was asked for once too often.
-            if self.ended.iter().any(|ended| ended.id == id) && !flags.has(Flags::REPLAYED) && !self.audit.was_doubled()
+            // Of a request that was sent again the first result may come behind the replay.
+            if self.ended.iter().any(|ended| ended.id == id && ended.sendings.sent == 1)
+                && !flags.has(Flags::REPLAYED)
+                && !self.audit.was_doubled()
             {
                 self.audit.see(&rule::REPLAY_FLAG, Case::Words(format!("request {}", id.0)));
             }

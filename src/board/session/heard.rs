@@ -126,11 +126,6 @@ impl Session {
                 return self.restarted(before, beat.boot_id);
             }
         }
-        for (id, ahead_us) in self.audit.ahead_of(now_us) {
-            let why = format!("{ahead_us} us, and the heartbeat behind it says {now_us} us");
-            let error = self.breaches.refuse(&rule::STREAM_TIME, id.name(), why);
-            self.end_stream(id, error);
-        }
         if beat.boot_id != before && Some(beat.boot_id) != self.beats_as {
             // After a restart the clock begins anew and there is no session. Otherwise the board's HELLO tells.
             if before_us.is_none() && beat.state & SESSION_OPEN != 0 {
@@ -139,6 +134,11 @@ impl Session {
             } else {
                 return self.restarted(before, beat.boot_id);
             }
+        }
+        for (id, ahead_us) in self.audit.ahead_of(now_us) {
+            let why = format!("{ahead_us} us, and the heartbeat behind it says {now_us} us");
+            let error = self.breaches.refuse(&rule::STREAM_TIME, id.name(), why);
+            self.end_stream(id, error);
         }
         self.audit.beat(beat, self.link.counters(), now);
         self.beat = now;

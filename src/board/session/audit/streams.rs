@@ -124,7 +124,9 @@ impl Audit {
             return None;
         }
         if !self.runs.iter().any(|run| run.id == id) {
-            self.see(&rule::STREAM_UNASKED, name());
+            if numbered {
+                self.see(&rule::STREAM_UNASKED, name());
+            }
             return None;
         }
         let blind_until = self.blind_until;
@@ -148,10 +150,11 @@ impl Audit {
             let words = format!("{}: {last} instead of {a_frame}", id.name());
             self.see(&rule::STREAM_COUNT, Case::Words(words));
         }
-        if beyond {
+        // On CAN a frame that comes twice, or out of order, may be taken for a later one.
+        if beyond && numbered {
             self.see(&rule::STREAM_LONG, name());
         }
-        if late {
+        if late && numbered {
             self.see(&rule::STREAM_UNASKED, name());
         }
         (numbered && gap > 0 && !lost).then(|| {
@@ -215,7 +218,7 @@ impl Audit {
         }
         let run = self.runs.iter_mut().find(|run| run.id == id)?;
         // On CAN a doubled or overtaken frame may be taken for one of the next turn of the numbers.
-        let is_turn = !self.numbered && end.saturating_sub(produced) >= TURN / 2;
+        let is_turn = !self.numbered && (id == StreamId::Pps || end.saturating_sub(produced) >= TURN / 2);
         if produced < end && !is_turn {
             return Some(format!("{} came up to sample {end}, of {produced} produced", id.name()));
         }
