@@ -27,7 +27,7 @@ const HOST_ADDS: Duration = Duration::from_millis(16);
 /// many.
 const TIMED_ANSWERS: u32 = 20;
 const LATE_ANSWERS: u32 = 5;
-const LATE_SHARE: u32 = 3;
+const LATE_SHARE: u32 = 4;
 /// Time without a heartbeat that no busy computer explains, and on CAN, where a lost one leaves no trace.
 const NO_BEAT: Duration = Duration::from_millis(2500);
 const NO_BEAT_ON_CAN: Duration = Duration::from_millis(4250);
