@@ -18,6 +18,8 @@ const SPOILS_ALONE: [&str; 5] = [
     "cut_frames_per_million",
     "doubled_frames_per_million",
 ];
+/// The section of the interface document with the times of answers.
+const CONVERSATION: u8 = 7;
 /// The board whose frames all come late.
 const LATE_BOARD: &str = "late-board";
 /// Most frames that the board may send between the station's last look at the line and the end of the run: heartbeats.
@@ -50,7 +52,10 @@ pub fn violations(case: &Case, ran: &Ran) -> Vec<String> {
     ends(case, ran, record, &mut found);
     if case.breach.is_empty() && case.board != LATE_BOARD {
         // The board keeps the document, whatever the line, the module and people do.
-        found.extend(record.board_breaches.iter().map(|breach| {
+        // What the line holds back comes late, and nobody can tell why.
+        let holds_back = case.kinds.iter().any(|kind| kind.starts_with("delayed") || kind.starts_with("stalled"));
+        let told = record.board_breaches.iter().filter(|breach| !(holds_back && breach.section == CONVERSATION));
+        found.extend(told.map(|breach| {
             let worst = breach.worst.as_deref().unwrap_or_default();
             format!(
                 "a board that keeps the document is called for section {}: {} ({worst})",
