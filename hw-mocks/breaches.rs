@@ -64,7 +64,7 @@ pub(crate) struct TimingBreaches {
     pub(crate) make_safe_after: Duration,
 }
 
-/// An answer to a request that nobody sent.
+/// An answer that belongs to no request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum StrangeAnswer {
     Accept,

@@ -366,7 +366,7 @@ impl TalkFilter {
     }
 }
 
-/// The same answer under an id that nobody uses.
+/// The same answer under an id of no request.
 fn to_nobody(frame: &Frame) -> Frame {
     let mut strange = frame.clone();
     // No host counts up to here within a session of some minutes, and no id is 0.

@@ -22,7 +22,7 @@
 //!
 //! ## The conversation.
 //! no_accept = true
-//! answers_nobody = "result"            # or "accept": one more goes before each, under an id that nobody uses
+//! answers_nobody = "result"            # or "accept": one more goes before each, under an id of no request
 //! swaps_request_ids = true             # of the RESULTs of two requests that run
 //! wrong_message_id = true              # in RESULT: the next one; not of MAKE_SAFE and ABORT
 //! header_version = 2                   # in all frames but HELLO

@@ -26,7 +26,7 @@ Exit codes:
   0  the board does all that was checked
   1  it does not: at least one check failed
   2  the command line or the bench file is refused
-  3  no board answers, or its port cannot be opened
+  3  no board answers, its port cannot be opened, or the findings cannot be written
   4  stopped by a person or a signal";
 
 /// What to do with a board.
@@ -217,9 +217,7 @@ impl Face {
 
 fn conclude(args: &CheckArgs, ended: &Ended) -> ExitCode {
     let face = Face::new(args);
-    if args.json {
-        let _ = writeln!(std::io::stdout().lock(), "{}", json(&ended.findings));
-    }
+    let written = if args.json { write_json(&ended.findings) } else { Ok(()) };
     let count = |outcome| ended.findings.iter().filter(|finding| finding.outcome == outcome).count();
     let (passed, failed, rest) = (count(Outcome::Passed), count(Outcome::Failed), count(Outcome::NotApplicable));
     let stopped = if ended.stopped { "stopped; " } else { "" };
@@ -230,10 +228,26 @@ fn conclude(args: &CheckArgs, ended: &Ended) -> ExitCode {
             "switch the module off by hand before you touch it",
         );
     }
+    if let Err(error) = written {
+        complain(
+            format_args!("cannot write the findings: {error}"),
+            "make room on the disk, then run the checks again",
+        );
+        return exit_code::of(RunOutcome::Errored);
+    }
     match (failed, ended.stopped) {
         (_, true) => exit_code::of(RunOutcome::Aborted),
         (0, false) => exit_code::of(RunOutcome::Passed),
         (_, false) => exit_code::of(RunOutcome::Failed),
+    }
+}
+
+/// Writes the findings for programs. A reader who has gone needs none.
+fn write_json(findings: &[Finding]) -> std::io::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{}", json(findings)).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        written => written,
     }
 }
 

@@ -153,3 +153,18 @@ fn a_stop_leaves_the_module_without_power() {
     assert!(rest.iter().any(|line| line.starts_with("stopped; ")), "{rest:?}");
     assert_eq!(board.truth("powered"), "false");
 }
+
+/// Findings that cannot be written are no pass.
+#[test]
+fn a_full_disk_is_said() {
+    let full = std::fs::File::create("/dev/full").unwrap();
+    let place = Place::new(STATION);
+    let mut station = place.station(["board", "check", "--sim", "--only", "hello.nonce", "--json"]);
+    let ended = station.stdout(full).stderr(Stdio::piped()).output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(3), "{said}");
+    assert!(
+        said.contains("cannot write the findings: No space left on device") && said.contains("make room"),
+        "{said}"
+    );
+}

@@ -67,7 +67,7 @@ pub(super) async fn run(
     Ok(capture.captures)
 }
 
-/// Whether an earlier run has all captures of an item, so that nothing moves and nobody needs to prepare anything. Captures
+/// Whether an earlier run has all captures of an item, so that the table stands still and the operator has nothing to prepare. Captures
 /// that cannot be read are told when the item takes them over.
 pub(super) async fn is_captured(item: &PlanItem, resumed: &Resumed) -> bool {
     let Ok(Some(program)) = program(item.id, &item.params) else { return false };

@@ -74,7 +74,7 @@ pub(crate) enum ProcedureError {
         #[source]
         spoilt: Spoilt,
     },
-    /// Nobody moved the DIP switches, although they were asked for several times.
+    /// The operator did not move the DIP switches, although the station asked several times.
     #[error("the switches were not moved: asked {asked} times. {}", sentences(still))]
     SwitchesNotMoved {
         /// Times that the same was asked for.

@@ -78,7 +78,7 @@ pub(super) struct Audit {
     /// When the session began.
     opened: Option<Instant>,
     /// The newest moment at which the station sent something that the board then answered.
-    heard_us: Option<Instant>,
+    answered_at: Option<Instant>,
     /// Whether sequence numbers count all frames of the link. On CAN each id has its own, and samples have none.
     numbered: bool,
     /// The streams since the session began.
@@ -103,7 +103,7 @@ impl Audit {
             blind_until: None,
             powered: None,
             opened: None,
-            heard_us: None,
+            answered_at: None,
             numbered,
             runs: Vec::new(),
         }
@@ -204,7 +204,7 @@ impl Audit {
 
     /// The board restarted, or a new session begins: numbers and times begin anew.
     pub(super) fn begins_anew(&mut self) {
-        (self.beat, self.powered, self.opened, self.heard_us) = (None, None, None, None);
+        (self.beat, self.powered, self.opened, self.answered_at) = (None, None, None, None);
         (self.unpowered, self.beats) = (None, (0, 0, 0));
         self.numbers.iter_mut().for_each(VecDeque::clear);
         self.steps_back.clear();
@@ -221,7 +221,7 @@ impl Audit {
 
     /// The board answered something that the station sent at `asked`, for the first time at `since`.
     pub(super) fn answered(&mut self, asked: Instant) {
-        self.heard_us = self.heard_us.max(Some(asked));
+        self.answered_at = self.answered_at.max(Some(asked));
     }
 
     /// Compares the time of the first answer to a request with what the document allows: 50 ms, and the time on the wire. A
@@ -291,7 +291,7 @@ impl Audit {
         let shown = |since: Instant| self.span(since, now).is_some_and(|span| span > SHOWN_AFTER);
         if self.opened.is_some_and(shown)
             && beat.state & SESSION_OPEN == 0
-            && self.heard_us.is_some_and(|heard| now.saturating_duration_since(heard) < SHOWN_AFTER)
+            && self.answered_at.is_some_and(|heard| now.saturating_duration_since(heard) < SHOWN_AFTER)
         {
             self.see(&rule::STATE_SESSION, Case::Plain);
         }
@@ -337,7 +337,7 @@ impl Audit {
     /// The board's watchdog ended the session. It may do so only if it heard nothing for its time; an answer shows what
     /// it heard. Returns the time after which it acted, if that is too early.
     pub(super) fn watchdog(&self, now: Instant) -> Option<Duration> {
-        let quiet = self.heard_us.and_then(|heard| self.span(heard, now))?;
+        let quiet = self.answered_at.and_then(|heard| self.span(heard, now))?;
         let early = (quiet + WATCHDOG_OFF < timing::WATCHDOG).then_some(quiet)?;
         // A computer that was suspended takes a long time for a short one; not twice in a run.
         self.see(&rule::WATCHDOG_EARLY, Case::OnlyTook(early));

@@ -83,6 +83,8 @@ pub(crate) struct Texts {
     pub plan: &'static str,
     pub board: &'static str,
     pub no_board_yet: &'static str,
+    /// The module is under power where it must not be; short enough for the narrowest panel.
+    pub danger_powered: &'static str,
     /// The board breaks rules of the interface document; a number follows.
     pub board_breaks: &'static str,
     pub module_on: &'static str,

@@ -521,16 +521,21 @@ fn runs_are_found() {
     assert_eq!(shown.iter().map(|run| run.serial_number.as_str()).collect::<Vec<_>>(), ["DEMO-2"]);
 }
 
-/// What the board does against the interface document stands below the board, and whole in the log.
+/// What the board does against the interface document stands where the board does, also on the smallest screen. A danger is
+/// told in words that fit there.
 #[test]
 fn a_breach_stands_below_the_board() {
     for lang in Lang::ALL {
         let mut scene = scene(lang);
         scene.start("DEMO-1");
-        let what = "the module is still under power after MAKE_SAFE".to_owned();
-        let breach = BoardBreach { section: 9, what, count: 2, worst: Some("4.9 V".into()), safety: true };
-        scene.event(EventKind::BoardBreach(breach));
-        let text = scene.text();
-        assert!(text.contains(&format!("{} 1: §9", lang.texts().board_breaks)), "{lang:?}: {text}");
+        let mut breach = |section, what: &str, safety| {
+            let breach = BoardBreach { section, what: what.to_owned(), count: 2, worst: Some("4.9 V".into()), safety };
+            scene.event(EventKind::BoardBreach(breach));
+            scene.text()
+        };
+        let text = breach(7, "the board sends RESULT without ACCEPT", false);
+        assert!(text.contains(&format!("{} 1: §7", lang.texts().board_breaks)), "{lang:?}: {text}");
+        let text = breach(9, "the module is still under power after MAKE_SAFE", true);
+        assert!(text.contains(lang.texts().danger_powered), "{lang:?}: {text}");
     }
 }

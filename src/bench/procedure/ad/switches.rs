@@ -185,7 +185,7 @@ mod tests {
         check(&[4], Some(5), Some(&[4]), &[], NotMoved);
         // Switch 2 has no effect: its predecessor went off, so a person was there.
         check(&[], Some(2), Some(&[1]), &[], Moved);
-        // Switch 1 has no effect, or nobody moved it.
+        // Switch 1 has no effect, or the operator did not move it.
         check(&[], Some(1), Some(&[]), &[], AsBefore);
         // Switch 3 reads on whatever it does, and switch 2 has no effect: nothing that follows is still on.
         check(&[3], Some(2), Some(&[3]), &[3], AsBefore);

@@ -34,6 +34,7 @@ pub(super) static TEXTS: Texts = Texts {
     plan: "Plan",
     board: "Board",
     no_board_yet: "not asked yet",
+    danger_powered: "DANGER: module has power",
     board_breaks: "breaks the ICD",
     module_on: "module on",
     module_off: "module off",

@@ -35,6 +35,7 @@ pub(super) static TEXTS: Texts = Texts {
     plan: "План",
     board: "Плата",
     no_board_yet: "ещё не опрошена",
+    danger_powered: "ОПАСНО: под напряжением",
     board_breaks: "нарушения ICD",
     module_on: "модуль включён",
     module_off: "модуль выключен",

@@ -137,6 +137,9 @@ fn breaches(model: &ScreenModel) -> Option<(String, Style)> {
     let seen = model.run.as_ref()?.state.breaches();
     let newest = seen.iter().rev().find(|seen| seen.breach.safety).or(seen.last())?;
     let weight = if newest.breach.safety { MessageWeight::Error } else { MessageWeight::Warning };
+    if newest.breach.safety {
+        return Some((model.texts.danger_powered.to_owned(), style::weight(model.look, weight)));
+    }
     let BoardBreach { section, what, .. } = &newest.breach;
     let told = format!("{} {}: §{section} {what}", model.texts.board_breaks, seen.len());
     Some((text::shown(&told), style::weight(model.look, weight)))
