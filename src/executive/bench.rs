@@ -5,6 +5,19 @@
 //! id = "line-2"                      # required
 //! records = "records"                # folder of the records, relative to this file
 //! key = "station.key"                # optional: signs each run that is closed
+//! plan = "plans/functional.toml"     # optional: the plan with which the screen opens, relative to this file
+//!
+//! [operator]                         # optional
+//! required = true                    # no run begins without a name
+//! name = "A. Chen"                   # who tests, if nobody else is named
+//!
+//! [verdict]                          # optional
+//! bell = true                        # the terminal rings at each verdict and each question
+//! hook = ["./light.sh", "socket-1"]  # a program that reads each verdict as JSON from its standard input
+//! hook_time = "10 s"                 # it is killed after this time
+//!
+//! [shift]                            # optional: without it a shift begins at midnight
+//! begins = ["06:00", "14:00", "22:00"]
 //!
 //! [site]                             # optional
 //! name = "hall 3"
@@ -27,12 +40,15 @@
 //! port = "can0"                      # an interface of the kernel, or "slcan:/dev/ttyACM0"
 //! ```
 
+mod habits;
 mod imperfections;
 
+use chrono::NaiveTime;
 use gnc_config::{Mistakes, SourceText, Span, TomlTable, read};
 use gnc_text::quoted;
 use serde::{Deserialize, Serialize};
 
+pub use habits::{Hook, OperatorHabit, VerdictHabit};
 pub use imperfections::BenchImperfections;
 
 use crate::quantity::{Dimension, Unit, bounded_at, quantity_at};
@@ -55,6 +71,14 @@ pub struct BenchFile {
     pub records: Option<String>,
     /// File of the station's key as written; `None` if the station signs nothing.
     pub key: Option<String>,
+    /// The plan with which the screen opens, as written; `None` if the program chooses it.
+    pub plan: Option<String>,
+    /// Who tests.
+    pub operator: OperatorHabit,
+    /// What follows a verdict.
+    pub verdict: VerdictHabit,
+    /// When shifts begin, in the order of the day; empty if one begins at midnight.
+    pub shifts: Vec<NaiveTime>,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
     /// How the station reaches the board; `None` on a bench that only simulates.
@@ -140,8 +164,11 @@ impl BenchFile {
             let has_can = root.has("can");
             let socket = root.within("socket", |table| socket(table, has_can)).flatten();
             let can = root.within("can", can).flatten();
-            let Station { id: station_id, records, key } = station;
-            BenchFile { station_id, records, key, site, socket, can }
+            let operator = root.within("operator", habits::operator).unwrap_or_default();
+            let verdict = root.within("verdict", habits::verdict).unwrap_or_default();
+            let shifts = root.within("shift", habits::shifts).unwrap_or_default();
+            let Station { id: station_id, records, key, plan } = station;
+            BenchFile { station_id, records, key, plan, operator, verdict, shifts, site, socket, can }
         })
     }
 }
@@ -152,12 +179,13 @@ struct Station {
     id: String,
     records: Option<String>,
     key: Option<String>,
+    plan: Option<String>,
 }
 
 fn station(table: &TomlTable<'_, '_>) -> Station {
     let id = checked(table, table.required_text("id", "write id = \"line-2\" below [station]"));
     let name = |key| checked(table, table.text(key));
-    Station { id: id.unwrap_or_default(), records: name("records"), key: name("key") }
+    Station { id: id.unwrap_or_default(), records: name("records"), key: name("key"), plan: name("plan") }
 }
 
 fn site(table: &TomlTable<'_, '_>) -> BenchSite {

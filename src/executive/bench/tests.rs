@@ -164,3 +164,65 @@ fn mistakes_of_a_fixture() {
        = try: it may be 0 ppm to 1000 ppm
     "#);
 }
+
+#[test]
+fn habits_of_a_bench_are_read() {
+    let text = r#"
+[station]
+id = "a"
+plan = "plans/functional.toml"
+[operator]
+required = true
+name = "A. Chen"
+[verdict]
+bell = true
+hook = ["./light.sh", "socket 1"]
+hook_time = "0.5 min"
+[shift]
+begins = ["22:00", "06:00", "14:00"]
+"#;
+    let bench = BenchFile::read("bench.toml", text.into()).unwrap_or_else(|mistakes| panic!("{mistakes}"));
+    assert_eq!(bench.plan.as_deref(), Some("plans/functional.toml"));
+    assert_eq!(bench.operator, OperatorHabit { required: true, name: Some("A. Chen".into()) });
+    let hook = Hook { command: vec!["./light.sh".into(), "socket 1".into()], limit_s: 30.0 };
+    assert_eq!(bench.verdict, VerdictHabit { bell: true, hook: Some(hook) });
+    assert_eq!(bench.shifts.iter().map(ToString::to_string).collect::<Vec<_>>(), ["06:00:00", "14:00:00", "22:00:00"]);
+    let small = BenchFile::read("bench.toml", b"[station]\nid = \"a\"".to_vec()).unwrap();
+    assert_eq!((small.operator, small.verdict, small.shifts), Default::default());
+}
+
+#[test]
+fn mistakes_of_habits() {
+    let text = "[station]\nid = \"a\"\n[operator]\nrequired = \"yes\"\n[verdict]\nhook_time = \"0 s\"\nhok = [\"./light.sh\"]\n\
+                [shift]\nbegins = [\"6:00\", \"06:00\", \"24:00\"]\n";
+    insta::assert_snapshot!(BenchFile::read("bench.toml", text.into()).unwrap_err(), @r#"
+    bench.toml:4:12: "required" is a text, and must be true or false
+     4 | required = "yes"
+       |            ^^^^^
+
+    bench.toml:5:2: there is a hook_time and no hook
+     5 | [verdict]
+       |  ^^^^^^^
+       = try: write hook = ["./light.sh"]: the program first, then its arguments
+
+    bench.toml:6:13: hook_time is 0 s
+     6 | hook_time = "0 s"
+       |             ^^^^^
+       = try: it may be 0.1 s to 600 s
+
+    bench.toml:7:1: unknown key "hok"
+     7 | hok = ["./light.sh"]
+       | ^^^
+       = try: did you mean "hook"?
+
+    bench.toml:9:19: two shifts begin at 06:00
+     9 | begins = ["6:00", "06:00", "24:00"]
+       |                   ^^^^^^^
+       = try: write each time once
+
+    bench.toml:9:28: "24:00" is not a time of day
+     9 | begins = ["6:00", "06:00", "24:00"]
+       |                            ^^^^^^^
+       = try: write begins = ["06:00", "14:00", "22:00"]
+    "#);
+}
