@@ -21,8 +21,9 @@ use gnc_records::store::Watcher;
 use gnc_text::with_causes;
 
 use crate::args::RunArgs;
+use crate::hook::Hooks;
 use crate::refusal::{CommandRefusal, complain, refuse};
-use crate::setup::{self, Setup};
+use crate::setup::{self, BenchHabits, Setup};
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
 
@@ -33,12 +34,12 @@ const UNREAD_EVENTS: usize = 1 << 16;
 pub(crate) fn run(args: &RunArgs) -> ExitCode {
     match prepare(args) {
         Err(refusal) => refuse(refusal.what, &refusal.try_this),
-        Ok((request, setup)) => {
+        Ok((request, setup, habits)) => {
             let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
                 Ok(runtime) => runtime,
                 Err(error) => return refuse(format_args!("cannot start: {error}"), ""),
             };
-            let outcome = runtime.block_on(all_rounds(args, &request, setup));
+            let outcome = runtime.block_on(all_rounds(args, &request, setup, &habits));
             // The thread that reads answers may wait for a line for ever.
             runtime.shutdown_background();
             match outcome {
@@ -50,11 +51,13 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
 }
 
 /// Returns what the command line asks for, and the bench for it.
-fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup), CommandRefusal> {
+fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits), CommandRefusal> {
     let serial_number = serial_number(args.serial_number.as_deref())?;
     let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
     let plan = files::plan(path)?;
-    let setup = setup::check(args)?.open(&serial_number, at_the_terminal)?;
+    let bench = setup::check(args)?;
+    let operator = bench.habits.operator(args.operator.as_deref())?;
+    let setup = bench.open(&serial_number, at_the_terminal)?;
     let resume = args.resume.as_deref();
     let rounds = match args.until {
         Some(time) => Rounds::For(time),
@@ -64,7 +67,7 @@ fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup), CommandRefusal> {
     let request = RunRequest {
         plan,
         serial_number,
-        operator: args.operator.clone(),
+        operator,
         selection: args.only.clone(),
         program: program(),
         on_fail: args.on_fail.map(OnFail::from),
@@ -74,7 +77,7 @@ fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup), CommandRefusal> {
         nonce: None,
         began: None,
     };
-    Ok((request, setup))
+    Ok((request, setup, bench.habits))
 }
 
 fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
@@ -95,14 +98,37 @@ fn at_the_terminal() -> Result<Fixture, CommandRefusal> {
         .map_err(|error| CommandRefusal::new(format!("cannot read from the terminal: {error}"), ""))
 }
 
-async fn all_rounds(args: &RunArgs, request: &RunRequest, setup: Setup) -> Result<Outcome, CommandRefusal> {
+async fn all_rounds(
+    args: &RunArgs,
+    request: &RunRequest,
+    setup: Setup,
+    habits: &BenchHabits,
+) -> Result<Outcome, CommandRefusal> {
     let control = RunControl::from_signals()
         .map_err(|error| CommandRefusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
     // The simulated bench ends with this scope.
     let Setup { equipment, simulation: _simulation } = setup;
     let live = Live::default();
-    let mut shown = Shown { events_to_stdout: args.events, control: &control, live: &live, face: None };
+    let complain_of_hook = |what: String| complain(what, "try the program by hand; docs/bench.md shows what it reads");
+    let hooks = habits.hook.clone().map(|hook| Hooks::start(hook, complain_of_hook));
+    let hooks =
+        hooks.transpose().map_err(|error| CommandRefusal::new(format!("cannot start the hook: {error}"), ""))?;
+    let mut shown = Shown {
+        events_to_stdout: args.events,
+        bell: habits.bell,
+        serial_number: &request.serial_number,
+        control: &control,
+        live: &live,
+        hooks,
+        face: None,
+    };
     let done = service::run(request, equipment, &control, &live, &mut shown).await.map_err(|error| refusal(&error))?;
+    if let Some(hooks) = shown.hooks.take() {
+        tokio::select! {
+            _ = control.asked_times(2) => {}
+            _ = tokio::task::spawn_blocking(move || hooks.finish()) => {}
+        }
+    }
     if let Some(refused) = &done.refused {
         complain(with_causes(refused), refused.try_this());
     }
@@ -127,15 +153,19 @@ fn refusal(error: &ServiceError) -> CommandRefusal {
 /// Shows each round, on a thread of its own.
 struct Shown<'a> {
     events_to_stdout: bool,
+    /// Whether the terminal rings at verdicts and questions.
+    bell: bool,
+    serial_number: &'a str,
     control: &'a RunControl,
     live: &'a Live,
+    hooks: Option<Hooks>,
     face: Option<Face>,
 }
 
 impl Observer for Shown<'_> {
     fn begin(&mut self, folder: &Path) -> io::Result<Watcher> {
         let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
-        self.face = Some(Face::start(events, self.live, self.events_to_stdout, folder.to_owned())?);
+        self.face = Some(Face::start(events, self.live, (self.events_to_stdout, self.bell), folder.to_owned())?);
         Ok(Box::new(move |event| watcher.try_send(event.clone()).is_ok()))
     }
 
@@ -152,6 +182,11 @@ impl Observer for Shown<'_> {
                 ),
                 error.try_this(),
             );
+        }
+        if let Some(hooks) = &self.hooks
+            && let Err(why) = hooks.tell(folder, self.serial_number, ending.outcome)
+        {
+            complain(why, "");
         }
     }
 }

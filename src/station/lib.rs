@@ -13,6 +13,7 @@ mod doctor;
 mod exit_code;
 mod export;
 mod files;
+mod hook;
 mod ports;
 mod recompute;
 mod records;

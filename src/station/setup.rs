@@ -5,9 +5,10 @@ mod simulated;
 
 use std::path::{Path, PathBuf};
 
+use chrono::NaiveTime;
 use gnc_bench::fixture::Fixture;
 use gnc_bench::service::Equipment;
-use gnc_executive::bench::{BenchFile, BenchSite, TestSocket};
+use gnc_executive::bench::{BenchFile, BenchSite, OperatorHabit, TestSocket};
 use gnc_executive::event::BenchInfo;
 use gnc_executive::job::BenchAbilities;
 use gnc_link::Target;
@@ -16,6 +17,7 @@ use gnc_records::store::StationKey;
 
 use crate::args::{RunArgs, SimLink};
 use crate::files::{self, ReadFile};
+use crate::hook::HookProgram;
 use crate::refusal::CommandRefusal;
 
 /// The bench file that is used when none is named.
@@ -48,8 +50,47 @@ pub(crate) struct CheckedBench {
     pub abilities: BenchAbilities,
     /// The file that describes it, unless it is built in.
     pub text: Option<ReadFile>,
+    /// What it does around its runs.
+    pub habits: BenchHabits,
     site: Option<BenchSite>,
     kind: Kind,
+}
+
+/// What a bench does around its runs, with the paths of its file resolved.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct BenchHabits {
+    /// The plan with which the screen opens.
+    pub plan: Option<PathBuf>,
+    pub operator: OperatorHabit,
+    /// Whether the terminal rings at each verdict and question.
+    pub bell: bool,
+    /// The program that is told each verdict.
+    pub hook: Option<HookProgram>,
+    /// When shifts begin, in the order of the day.
+    pub shifts: Vec<NaiveTime>,
+}
+
+impl BenchHabits {
+    fn of(file: &BenchFile, folder: Option<&Path>) -> Self {
+        Self {
+            plan: file.plan.as_ref().map(|plan| folder.unwrap_or_else(|| Path::new("")).join(plan)),
+            operator: file.operator.clone(),
+            bell: file.verdict.bell,
+            hook: file.verdict.hook.as_ref().and_then(|hook| HookProgram::new(hook, folder)),
+            shifts: file.shifts.clone(),
+        }
+    }
+
+    /// The operator of a run: the one who is named, or the one of the bench file.
+    pub(crate) fn operator(&self, named: Option<&str>) -> Result<Option<String>, CommandRefusal> {
+        let named = named.map(str::trim).filter(|name| !name.is_empty());
+        let name = named.map(str::to_owned).or_else(|| self.operator.name.clone());
+        if name.is_none() && self.operator.required {
+            let what = "no operator is named, and the bench file requires one";
+            return Err(CommandRefusal::new(what, "name the operator with --operator NAME"));
+        }
+        Ok(name)
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -205,6 +246,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         bench,
         abilities: abilities(&file, true),
         text: Some(text),
+        habits: BenchHabits::of(&file, path.parent()),
         kind: Kind::Real(Box::new(Lines { key: key(&file, path.parent())?, target, can })),
         site: file.site,
     })

@@ -32,12 +32,14 @@ impl Face {
     pub(super) fn start(
         events: Receiver<Event>,
         live: &Live,
-        events_to_stdout: bool,
+        (events_to_stdout, bell): (bool, bool),
         folder: PathBuf,
     ) -> io::Result<Self> {
+        let terminal = if events_to_stdout { io::stderr().is_terminal() } else { io::stdout().is_terminal() };
         let writer = Writer {
             events_to_stdout,
-            terminal: if events_to_stdout { io::stderr().is_terminal() } else { io::stdout().is_terminal() },
+            terminal,
+            bell: bell && terminal,
             live: live.doing.subscribe(),
             line_due: Instant::now() + LINE_EVERY,
             bar_drawn: false,
@@ -61,6 +63,8 @@ impl Face {
 struct Writer {
     events_to_stdout: bool,
     terminal: bool,
+    /// Whether the terminal rings at verdicts and questions.
+    bell: bool,
     live: watch::Receiver<Vec<Doing>>,
     line_due: Instant,
     bar_drawn: bool,
@@ -122,6 +126,7 @@ impl Writer {
             }
             EventKind::Prompted { text, .. } if !self.answered_by_itself() => {
                 self.say(&format!(">> {} (n and Enter: not possible)", printable(text)));
+                self.ring();
             }
             EventKind::ItemEnded { item, .. } => {
                 if let Some(row) = self.state.row(item) {
@@ -143,7 +148,10 @@ impl Writer {
             EventKind::StopRequested { by, .. } => {
                 self.say(&format!("stopping: {} (repeat it to stop at once)", printable(by)));
             }
-            EventKind::RunEnded { .. } => self.ended(),
+            EventKind::RunEnded { .. } => {
+                self.ended();
+                self.ring();
+            }
             _ => {}
         }
     }
@@ -202,6 +210,12 @@ impl Writer {
     fn say(&mut self, line: &str) {
         self.wipe();
         self.write(&format!("{line}\n"));
+    }
+
+    fn ring(&self) {
+        if self.bell {
+            self.write("\x07");
+        }
     }
 
     fn wipe(&mut self) {

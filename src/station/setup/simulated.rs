@@ -12,7 +12,7 @@ use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use hw_mocks::{BenchOptions, Personality, RunningBench, Speed};
 
-use super::{CheckedBench, Kind, SIMULATED, Setup, records, station};
+use super::{BenchHabits, CheckedBench, Kind, SIMULATED, Setup, records, station};
 use crate::args::{RunArgs, SimLink};
 use crate::files::ReadFile;
 use crate::refusal::CommandRefusal;
@@ -50,6 +50,7 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
         bench,
         abilities: BenchAbilities { rs422: args.sim_link == SimLink::Rs422, ..SIMULATED },
         text,
+        habits: BenchHabits::default(),
         site: file.site,
         kind: Kind::Simulated(Box::new(SimulatedModule { options, link: args.sim_link, interfaces })),
     })

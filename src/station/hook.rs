@@ -1,0 +1,263 @@
+//! Tells a program of the bench file each verdict: a light, a sound, a printer of labels.
+//!
+//! The program reads one JSON object from its standard input. It runs beside the tests, on a thread of its own: no test
+//! waits for it, and nothing that it does changes a verdict. What goes wrong with it is told to the operator.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::pin::pin;
+use std::process::Stdio;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use chrono::{DateTime, FixedOffset};
+use gnc_executive::bench::Hook;
+use gnc_executive::event::{BenchKind, PlanInfo};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::record::RunRecord;
+use gnc_records::store::reader;
+use gnc_text::{printable, quoted};
+use nix::sys::signal::{Signal, killpg};
+use nix::unistd::Pid;
+use serde::Serialize;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::process::{Child, Command};
+
+/// Version of the object that the program reads.
+const SCHEMA: &str = "gnc-verdict/1";
+/// Largest number of verdicts that wait for the program: a line that outruns its label printer by more has no use for
+/// the labels.
+const WAITING: usize = 64;
+/// Most bytes of the program's errors that are shown: one line of a terminal.
+const SHOWN_BYTES: u64 = 300;
+/// Time for the last words of a program that has ended.
+const LAST_WORDS: Duration = Duration::from_millis(100);
+
+/// A program that is told each verdict, ready to be started.
+#[derive(Debug, Clone)]
+pub(crate) struct HookProgram {
+    /// The program; a path with a slash starts at the folder of the bench file.
+    program: PathBuf,
+    arguments: Vec<String>,
+    /// The folder in which it runs: that of the bench file.
+    folder: PathBuf,
+    limit: Duration,
+}
+
+impl HookProgram {
+    /// The program of a bench file in this folder.
+    pub(crate) fn new(hook: &Hook, folder: Option<&Path>) -> Option<Self> {
+        let (first, arguments) = hook.command.split_first()?;
+        let folder = folder.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+        let program = if first.contains('/') { folder.join(first) } else { PathBuf::from(first) };
+        // A program that runs in another folder is found by its full path.
+        let program = if first.contains('/') { std::path::absolute(&program).unwrap_or(program) } else { program };
+        let limit = Duration::try_from_secs_f64(hook.limit_s).ok()?;
+        Some(Self { program, arguments: arguments.to_vec(), folder: folder.to_owned(), limit })
+    }
+
+    /// "the hook ./light.sh", for messages.
+    fn name(&self) -> String {
+        format!("the hook {}", self.program.display())
+    }
+}
+
+/// A run whose verdict is to be told.
+#[derive(Debug)]
+struct Ended {
+    folder: PathBuf,
+    outcome: Outcome,
+    serial_number: String,
+}
+
+/// The thread that tells verdicts, one after the other.
+#[derive(Debug)]
+pub(crate) struct Hooks {
+    verdicts: SyncSender<Ended>,
+    thread: JoinHandle<()>,
+    /// Longest time that the end of the program waits for the verdicts that are not told yet.
+    patience: Duration,
+}
+
+impl Hooks {
+    /// Starts the thread. `trouble` hears in words what goes wrong with the program.
+    ///
+    /// # Errors
+    /// The system starts no thread.
+    pub(crate) fn start(program: HookProgram, trouble: impl Fn(String) + Send + 'static) -> io::Result<Self> {
+        let (verdicts, ended) = sync_channel(WAITING);
+        let patience = 2 * program.limit;
+        let thread = std::thread::Builder::new().name("hook".into());
+        let thread = thread.spawn(move || serve(&program, &ended, &trouble))?;
+        Ok(Self { verdicts, thread, patience })
+    }
+
+    /// Has the verdict of a run told. Returns at once; the error says why the verdict is not told.
+    pub(crate) fn tell(&self, folder: &Path, serial_number: &str, outcome: Outcome) -> Result<(), String> {
+        let ended = Ended { folder: folder.to_owned(), outcome, serial_number: serial_number.to_owned() };
+        self.verdicts.try_send(ended).map_err(|error| match error {
+            TrySendError::Full(_) => format!("the hook is {WAITING} verdicts behind, so it is not told this one"),
+            TrySendError::Disconnected(_) => "the hook has ended".to_owned(),
+        })
+    }
+
+    /// Waits until every verdict is told, but no longer than the program is given.
+    pub(crate) fn finish(self) {
+        let Self { verdicts, thread, patience } = self;
+        drop(verdicts);
+        let (done, is_done) = sync_channel(1);
+        let waits = std::thread::Builder::new().name("hook-end".into()).spawn(move || {
+            let _ = thread.join();
+            let _ = done.send(());
+        });
+        if waits.is_ok() {
+            let _ = is_done.recv_timeout(patience);
+        }
+    }
+}
+
+fn serve(program: &HookProgram, ended: &Receiver<Ended>, trouble: &impl Fn(String)) {
+    let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
+        Ok(runtime) => runtime,
+        Err(error) => return trouble(format!("{} cannot be started: {error}", program.name())),
+    };
+    for run in ended {
+        let note = serde_json::to_vec(&Verdict::of(&run)).unwrap_or_default();
+        if let Err(what) = runtime.block_on(tell(program, note)) {
+            trouble(format!("{} {what}; the verdict of {} stands", program.name(), printable(&run.serial_number)));
+        }
+    }
+}
+
+/// Starts the program with a verdict and waits for its end. The error is a predicate: "ended with code 1".
+async fn tell(program: &HookProgram, mut note: Vec<u8>) -> Result<(), String> {
+    note.push(b'\n');
+    let mut command = Command::new(&program.program);
+    command.args(&program.arguments).current_dir(&program.folder).kill_on_drop(true);
+    // A group of its own: an interrupt of the terminal is meant for the station, and the group is killed as a whole.
+    command.process_group(0).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().map_err(|error| format!("cannot be started: {error}"))?;
+    let group = child.id().and_then(|id| i32::try_from(id).ok()).map(Pid::from_raw);
+    let deadline = Instant::now() + program.limit;
+    let served = tokio::time::timeout_at(deadline.into(), follow(&mut child, &note)).await;
+    let Ok(served) = served else {
+        if let Some(group) = group {
+            let _ = killpg(group, Signal::SIGKILL);
+        }
+        let _ = child.wait().await;
+        return Err(format!("still ran after {} s and was killed", program.limit.as_secs_f64()));
+    };
+    served
+}
+
+/// Gives a program its input and hears its errors until it ends.
+async fn follow(child: &mut Child, note: &[u8]) -> Result<(), String> {
+    let (input, errors) = (child.stdin.take(), child.stderr.take());
+    let give = async {
+        if let Some(mut input) = input {
+            // A program that does not read its input, like a plain buzzer, is none the worse for it.
+            let _ = input.write_all(note).await;
+        }
+    };
+    let mut said = Vec::new();
+    let status = {
+        let listen = async {
+            if let Some(mut errors) = errors {
+                let _ = (&mut errors).take(SHOWN_BYTES).read_to_end(&mut said).await;
+                // A program that says more must not wait for a reader.
+                let _ = tokio::io::copy(&mut errors, &mut tokio::io::sink()).await;
+            }
+        };
+        let ends = async { tokio::join!(child.wait(), give).0 };
+        let (mut listen, mut ends) = (pin!(listen), pin!(ends));
+        tokio::select! {
+            status = &mut ends => {
+                // What the program has left in the background may hold its standard error open for ever.
+                let _ = tokio::time::timeout(LAST_WORDS, &mut listen).await;
+                status
+            }
+            () = &mut listen => ends.await,
+        }
+    };
+    let status = status.map_err(|error| format!("is lost: {error}"))?;
+    if status.success() {
+        return Ok(());
+    }
+    let how = match status.code() {
+        Some(code) => format!("ended with code {code}"),
+        None => "was ended by a signal".to_owned(),
+    };
+    let said = String::from_utf8_lossy(&said);
+    let first = said.lines().map(str::trim).find(|line| !line.is_empty());
+    Err(first.map_or(how.clone(), |line| format!("{how} and says {}", quoted(line))))
+}
+
+/// What the program reads. New versions only add fields.
+#[derive(Debug, Serialize)]
+struct Verdict {
+    schema: &'static str,
+    serial_number: String,
+    /// How the run ended. The record has the last word on everything but this: a run whose record could not be written
+    /// is errored.
+    outcome: Outcome,
+    /// Whether only some items of the plan ran: never a pass of the module.
+    selection: bool,
+    /// Whether the module was a simulated one.
+    simulated: bool,
+    /// The folder of the record.
+    record: PathBuf,
+    /// What the record says; null if it cannot be read.
+    run: Option<Told>,
+}
+
+/// What a record says.
+#[derive(Debug, Serialize)]
+struct Told {
+    plan: PlanInfo,
+    station: String,
+    operator: Option<String>,
+    started: DateTime<FixedOffset>,
+    finished: Option<DateTime<FixedOffset>>,
+    elapsed_s: f64,
+    /// Every item that ran and did not pass.
+    not_passed: Vec<NotPassed>,
+}
+
+#[derive(Debug, Serialize)]
+struct NotPassed {
+    name: String,
+    title: String,
+    outcome: Outcome,
+}
+
+impl Verdict {
+    fn of(ended: &Ended) -> Self {
+        let record = reader::read(&ended.folder).ok();
+        Self {
+            schema: SCHEMA,
+            serial_number: ended.serial_number.clone(),
+            outcome: ended.outcome,
+            selection: record.as_ref().is_some_and(|record| record.selection.is_some()),
+            simulated: record.as_ref().is_some_and(|record| record.bench.kind == BenchKind::Simulated),
+            record: std::path::absolute(&ended.folder).unwrap_or_else(|_| ended.folder.clone()),
+            run: record.map(Told::of),
+        }
+    }
+}
+
+impl Told {
+    fn of(record: RunRecord) -> Self {
+        let not_passed = record.items.into_iter().filter(|item| item.selected && item.outcome != Outcome::Passed);
+        let not_passed = not_passed.map(|item| NotPassed { name: item.name, title: item.title, outcome: item.outcome });
+        Self {
+            plan: record.plan,
+            station: record.station,
+            operator: record.operator,
+            started: record.started,
+            finished: record.finished,
+            elapsed_s: record.elapsed_s,
+            not_passed: not_passed.collect(),
+        }
+    }
+}
