@@ -143,13 +143,21 @@ pub fn days(records: &Path) -> Result<Vec<(String, usize)>, StoreError> {
     Ok(days.map(|day| (name_of(&day), folders(&day).unwrap_or_default().len())).collect())
 }
 
+/// The folders of the runs of a day, in no order.
+///
+/// # Errors
+/// The day's folder cannot be read.
+pub(crate) fn paths_of_day(records: &Path, day: &str) -> Result<Vec<PathBuf>, StoreError> {
+    let serials = folders(&records.join(day))?;
+    Ok(serials.iter().flat_map(|serial| folders(serial).unwrap_or_default()).collect())
+}
+
 /// At most `limit` runs of a day, and whether there are more.
 ///
 /// # Errors
 /// The day's folder cannot be read.
 pub fn of_day(records: &Path, day: &str, limit: usize) -> Result<(Vec<FoundRun>, bool), StoreError> {
-    let serials = folders(&records.join(day))?;
-    let mut paths: Vec<PathBuf> = serials.iter().flat_map(|serial| folders(serial).unwrap_or_default()).collect();
+    let mut paths = paths_of_day(records, day)?;
     let cut = paths.len() > limit;
     // Names of runs begin with their time of day.
     paths.sort_by(|a, b| b.file_name().cmp(&a.file_name()));
@@ -185,7 +193,8 @@ pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<It
     days.flat_map(move |day| folders(&day.join(&name)).unwrap_or_default().into_iter().rev())
 }
 
-fn found(path: PathBuf) -> FoundRun {
+/// Reads a run, and whether it is closed.
+pub(crate) fn found(path: PathBuf) -> FoundRun {
     FoundRun { run: read(&path), sealed: is_sealed(&path), path }
 }
 

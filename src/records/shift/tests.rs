@@ -1,0 +1,79 @@
+//! Shifts over midnight and over a jump of the clock, and what counts as a first try.
+
+use super::*;
+
+fn at(text: &str) -> DateTime<FixedOffset> {
+    DateTime::parse_from_rfc3339(text).expect("a time")
+}
+
+fn times(texts: &[&str]) -> Vec<NaiveTime> {
+    texts.iter().map(|text| text.parse().expect("a time of day")).collect()
+}
+
+/// A place eight hours east of Greenwich whose clock jumps from 02:00 to 03:00 on the 29th of March.
+fn east(local: NaiveDateTime) -> Option<DateTime<FixedOffset>> {
+    let hour = local.format("%F %H").to_string();
+    let zone = FixedOffset::east_opt(8 * 3600)?;
+    (hour != "2026-03-29 02").then(|| local.and_local_timezone(zone).earliest()).flatten()
+}
+
+#[test]
+fn a_shift_begins_at_its_time_of_day_and_goes_on_over_midnight() {
+    let begins = times(&["06:00:00", "14:00:00", "22:00:00"]);
+    for (now, began) in [
+        ("2026-11-23T05:59:59+08:00", "2026-11-22T22:00:00+08:00"),
+        ("2026-11-23T06:00:00+08:00", "2026-11-23T06:00:00+08:00"),
+        ("2026-11-23T21:59:59+08:00", "2026-11-23T14:00:00+08:00"),
+        ("2026-11-24T00:00:02+08:00", "2026-11-23T22:00:00+08:00"),
+    ] {
+        assert_eq!(begin_of(at(now), &begins, east), at(began), "{now}");
+    }
+    let now = at("2026-11-23T23:59:59+08:00");
+    assert_eq!(begin_of(now, &[], east), at("2026-11-23T00:00:00+08:00"));
+    let jumped = begin_of(at("2026-03-29T05:00:00+08:00"), &times(&["02:30:00"]), east);
+    assert_eq!(jumped, at("2026-03-29T03:30:00+08:00"));
+}
+
+fn run(serial_number: &str, plan: &str, minute: u32, outcome: Outcome) -> WholeRun {
+    let started = at(&format!("2026-11-23T08:{minute:02}:00+08:00"));
+    WholeRun { serial_number: serial_number.into(), plan: plan.into(), started, outcome }
+}
+
+fn count(runs: Vec<WholeRun>) -> Shift {
+    Shift::of(at("2026-11-23T06:00:00+08:00"), runs, |serial_number, _| serial_number == "OLD")
+}
+
+#[test]
+fn the_last_run_decides_and_the_first_judged_run_is_the_first_try() {
+    use Outcome::{Aborted, Errored, Failed, Marginal, Passed};
+    let shift = count(vec![
+        run("A", "functional", 1, Passed),
+        // Failed first, passed then: done and passed, but not at the first try.
+        run("B", "functional", 2, Failed),
+        run("B", "functional", 9, Passed),
+        // An errored and an aborted run are no tries.
+        run("C", "functional", 3, Errored),
+        run("C", "functional", 4, Aborted),
+        run("C", "functional", 5, Marginal),
+        run("D", "functional", 6, Failed),
+        run("E", "functional", 7, Errored),
+        // Judged before this shift.
+        run("OLD", "functional", 8, Passed),
+    ]);
+    let order: Vec<&str> = shift.modules.iter().map(|module| module.serial_number.as_str()).collect();
+    assert_eq!(order, ["A", "C", "D", "E", "OLD", "B"]);
+    assert_eq!(shift.count(Outcome::is_good), 4);
+    assert_eq!(shift.count(|outcome| outcome == Failed), 1);
+    assert_eq!(shift.count(|outcome| outcome == Errored), 1);
+    assert_eq!(shift.first_pass(), (2, 4));
+}
+
+#[test]
+fn each_plan_has_its_own_first_try() {
+    use Outcome::{Failed, Passed};
+    let both = [run("A", "incoming", 1, Passed), run("A", "functional", 2, Passed)];
+    assert_eq!(count(both.to_vec()).first_pass(), (1, 1));
+    let second_failed = [run("A", "incoming", 1, Passed), run("A", "functional", 2, Failed)];
+    assert_eq!(count(second_failed.to_vec()).first_pass(), (0, 1));
+    assert_eq!(count(Vec::new()).first_pass(), (0, 0));
+}
