@@ -46,8 +46,6 @@ use terminal::Guard;
 pub use lang::Lang;
 pub use scene::Scene;
 
-/// The plan that is used when the command line names none.
-const PLAN: &str = "test-plans/functional.toml";
 /// Largest number of events and answers that wait for a blocked terminal: more than any plan yields in a day.
 const MESSAGES: usize = 1 << 16;
 /// Largest number of key batches that wait. When the queue is full, the thread that reads keys waits.
@@ -77,11 +75,11 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, CommandRefusa
         Signals::new().map_err(cannot)?
     };
     let clock = ScreenClock { began };
-    let plan = args.plan.clone().unwrap_or_else(|| PLAN.into());
+    let plan = args.plan.clone();
     let serial_number = args.serial_number.as_deref().map(serial_number::check).transpose();
     let serial_number = serial_number.map_err(|error| CommandRefusal::new(error, "scan the module's label again"))?;
     let resume = args.resume.as_deref().map(|run| to_resume(args, run)).transpose()?;
-    let model = first_model(args, &plan, serial_number, resume, clock);
+    let model = first_model(args, plan.as_deref(), serial_number, resume, clock);
 
     let live = Live::default();
     let (screen, messages) = mpsc::channel(MESSAGES);
@@ -99,6 +97,7 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, CommandRefusa
     spawn("keys", move || terminal::read_keys(&keys_in))?;
 
     let session = ScreenSession::new((args.clone(), plan), screen, commands, signals, live);
+    let told = session.told();
     let outcome = runtime.block_on(async {
         let resizes = tokio::spawn(terminal::watch_size(resized_in));
         let outcome = session.serve().await;
@@ -113,6 +112,8 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, CommandRefusa
         Ok(Err(error)) => complain(format_args!("the screen ended: {error}"), "check the terminal, and open it again"),
         Err(_) => drop(guard.give_back_modes()),
     }
+    // The last verdicts are told while the terminal is the operator's again.
+    told.finish();
     Ok(outcome)
 }
 
@@ -135,7 +136,7 @@ fn to_resume(args: &RunArgs, run: &Path) -> Result<(PathBuf, String), CommandRef
 
 fn first_model(
     args: &RunArgs,
-    plan: &Path,
+    plan: Option<&Path>,
     serial_number: Option<String>,
     resume: Option<(PathBuf, String)>,
     clock: ScreenClock,
@@ -143,7 +144,7 @@ fn first_model(
     let (lang, look) = look::choose(&look::Environment::read(), args.lang);
     let mut model = ScreenModel::new(lang, look, clock.now());
     model.operator = args.operator.clone().unwrap_or_default();
-    model.plan_path = plan.display().to_string();
+    model.plan_path = plan.map(|plan| plan.display().to_string()).unwrap_or_default();
     model.plan = Loaded::Loading;
     if args.loops > 1 {
         model.rounds = RoundsSetting::Count(args.loops);
@@ -184,7 +185,15 @@ impl Drawing {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build()?;
         let shown = self.guard.take().and_then(|mut terminal| {
             let ours = || self.guard.is_taken();
-            runtime.block_on(show::show(&mut terminal, &mut self.model, self.inbox, &self.commands, self.clock, ours))
+            runtime.block_on(show::show(
+                &mut terminal,
+                &mut self.model,
+                self.inbox,
+                &self.commands,
+                self.clock,
+                ours,
+                terminal::ring,
+            ))
         });
         self.guard.give_back();
         shown.map(drop)

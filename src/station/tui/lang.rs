@@ -90,6 +90,20 @@ pub(crate) struct Texts {
     pub module_on: &'static str,
     pub module_off: &'static str,
     pub scan_here: &'static str,
+    /// Whose name is taken over from the last run.
+    pub operator_remembered: &'static str,
+    pub operator_needed: &'static str,
+    // The shift.
+    /// Modules, passed, failed, others: short enough for the border of the narrowest panel.
+    pub shift_short: &'static str,
+    /// The first-pass yield in percent, after the counters.
+    pub first_pass_short: &'static str,
+    /// Since when, and how many modules.
+    pub shift_since: &'static str,
+    /// The first-pass yield in percent, and of how many modules.
+    pub first_pass: &'static str,
+    pub others: &'static str,
+    pub last_modules: &'static str,
     pub loading: &'static str,
     pub still_loading: &'static str,
     // Run panel.

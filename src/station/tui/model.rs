@@ -13,6 +13,7 @@ use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::state::RunState;
+use gnc_records::shift::Shift;
 
 use super::field::InputField;
 use super::keymap::KeyContext;
@@ -98,6 +99,20 @@ pub(crate) struct BenchView {
     pub link: String,
     /// Where records go.
     pub records: PathBuf,
+    /// Who tests, by the bench file or by the last run of this shift.
+    pub operator: Option<UsualOperator>,
+    /// No run begins without an operator's name.
+    pub operator_required: bool,
+    /// The terminal rings at each verdict and each question.
+    pub bell: bool,
+}
+
+/// The operator, if the command line names none.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct UsualOperator {
+    pub name: String,
+    /// The name is that of the last run, and the bench file names nobody.
+    pub remembered: bool,
 }
 
 /// The content of a file that may be refused.
@@ -335,6 +350,10 @@ pub(crate) struct ScreenModel {
     /// Raw values are shown without a run.
     pub watching: bool,
     pub records: Records,
+    /// The modules of this shift; `None` until the records were read.
+    pub shift: Option<Shift>,
+    /// The terminal is to ring.
+    pub ring: bool,
     /// The program ends as soon as the run has stopped.
     pub leaving: bool,
     /// The screen must draw every cell again, since other output has overwritten the cells.
@@ -372,6 +391,8 @@ impl ScreenModel {
             live: super::live::History::default(),
             watching: false,
             records: Records::default(),
+            shift: None,
+            ring: false,
             leaving: false,
             redraw: false,
             scroll_end: Cell::new(0),
@@ -448,6 +469,11 @@ impl ScreenModel {
 
     pub(crate) fn say(&mut self, weight: MessageWeight, text: impl Into<String>) {
         self.message = Some((weight, text.into()));
+    }
+
+    /// Has the terminal ring, if the bench file wants it.
+    pub(crate) fn call(&mut self) {
+        self.ring |= self.bench.ready().is_some_and(|bench| bench.bell);
     }
 
     /// Whether the picture changes by time alone within a second.

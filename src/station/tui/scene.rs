@@ -54,6 +54,9 @@ impl Scene {
             name: "good".into(),
             link: String::new(),
             records: "records".into(),
+            operator: None,
+            operator_required: false,
+            bell: false,
         };
         let plan = PlanView {
             name: "functional".into(),

@@ -5,11 +5,13 @@ mod archive;
 mod files;
 mod prepare;
 mod rounds;
+mod told;
 
 use std::collections::VecDeque;
 use std::future::pending;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use gnc_bench::control::RunControl;
@@ -24,11 +26,15 @@ use crate::args::RunArgs;
 use crate::tui::model::Loaded;
 use files::{Held, HeldPlan, Looked};
 use rounds::{Finished, Handles};
+use told::{Counter, Told};
 
 /// Largest number of questions that wait: one of each item that runs.
 const QUESTIONS: usize = 8;
 /// Largest number of results that wait from checks of bench and plan.
 const LOOKS: usize = 8;
+
+/// How often the shift is counted while nothing is tested.
+const COUNT_EVERY: Duration = Duration::from_secs(60);
 
 /// Signals that end the program.
 #[derive(Debug)]
@@ -61,11 +67,15 @@ impl Signals {
 #[derive(Debug)]
 pub(crate) struct ScreenSession {
     args: RunArgs,
-    plan: PathBuf,
+    /// The chosen plan; `None` for that of the bench file.
+    plan: Option<PathBuf>,
     screen: mpsc::Sender<Msg>,
     commands: mpsc::Receiver<Effect>,
     signals: Signals,
     live: Live,
+    told: Told,
+    /// The counters of the bench's shift.
+    counter: Option<Counter>,
     /// Bench and plan as they were checked.
     held: Held,
     /// Number of the latest check of bench and plan. Results of earlier checks are dropped.
@@ -83,14 +93,33 @@ struct Running {
 impl ScreenSession {
     /// A session that has read nothing yet.
     pub(crate) fn new(
-        (args, plan): (RunArgs, PathBuf),
+        (args, plan): (RunArgs, Option<PathBuf>),
         screen: mpsc::Sender<Msg>,
         commands: mpsc::Receiver<Effect>,
         signals: Signals,
         live: Live,
     ) -> Self {
         let (tell_look, looks) = mpsc::channel(LOOKS);
-        Self { args, plan, screen, commands, signals, live, held: Held::default(), look: 0, tell_look, looks }
+        let told = Told::new(screen.clone());
+        Self {
+            args,
+            plan,
+            screen,
+            commands,
+            signals,
+            live,
+            told,
+            counter: None,
+            held: Held::default(),
+            look: 0,
+            tell_look,
+            looks,
+        }
+    }
+
+    /// Who else learns of verdicts.
+    pub(crate) fn told(&self) -> Told {
+        self.told.clone()
     }
 
     /// Serves the screen until the operator leaves. Returns the outcome of a run that the end of the program stopped.
@@ -100,6 +129,8 @@ impl ScreenSession {
         let mut running: Option<Running> = None;
         let mut ending = false;
         self.choose(None);
+        // A shift may end while nothing is tested.
+        let mut minute = tokio::time::interval(COUNT_EVERY);
         loop {
             if ending && running.is_none() {
                 return None;
@@ -119,6 +150,8 @@ impl ScreenSession {
                     }
                     self.tell(finished.into_msg());
                 }
+                () = self.told.next_end() => self.count_shift(),
+                _ = minute.tick() => self.count_shift(),
                 Some((look, looked)) = self.looks.recv() => {
                     if look == self.look {
                         self.take(looked);
@@ -177,6 +210,7 @@ impl ScreenSession {
             screen: self.screen.clone(),
             live: self.live.clone(),
             questions: ask.clone(),
+            told: self.told.clone(),
         }
     }
 
@@ -193,7 +227,8 @@ impl ScreenSession {
             }
             Effect::Choose { plan, bench } => self.choose(Some((plan, bench))),
             Effect::ListChoices => {
-                let plan = self.plan.clone();
+                let held = self.held.plan.as_ref().map(|held| held.path.clone());
+                let plan = held.or_else(|| self.plan.clone()).unwrap_or_default();
                 self.aside(move || Msg::Choices(files::choices(&plan)));
             }
             Effect::ListDays => {
@@ -214,14 +249,14 @@ impl ScreenSession {
 
     fn choose(&mut self, chosen: Option<(String, String)>) {
         if let Some((plan, bench)) = chosen {
-            self.plan = plan.into();
+            self.plan = Some(plan.into());
             files::set_bench(&mut self.args, &bench);
         }
         // Drop the old bench and plan, so that they cannot be started any more.
         (self.held, self.look) = (Held::default(), self.look + 1);
         let (args, plan, look, looks) = (self.args.clone(), self.plan.clone(), self.look, self.tell_look.clone());
         tokio::task::spawn_blocking(move || {
-            files::look(&args, &plan, |looked| {
+            files::look(&args, plan.as_deref(), |looked| {
                 // Ignore the error: the session has ended.
                 let _ = looks.blocking_send((look, looked));
             });
@@ -231,9 +266,13 @@ impl ScreenSession {
     /// Holds what was read, and shows it.
     fn take(&mut self, looked: Looked) {
         let msg = match looked {
-            Looked::Bench { path, bench: Ok(checked) } => {
-                let bench = Loaded::Ready(files::bench_view(&path, &checked));
-                self.held.bench = Some(Arc::from(checked));
+            Looked::Bench { path, bench: Ok(looked) } => {
+                let (checked, view) = *looked;
+                let bench = Loaded::Ready(view);
+                self.told.take(&checked);
+                self.counter = Some(Counter::of(&checked));
+                self.count_shift();
+                self.held.bench = Some(Arc::new(checked));
                 Msg::Bench { path, bench }
             }
             Looked::Bench { path, bench: Err(refusal) } => {
@@ -250,6 +289,12 @@ impl ScreenSession {
             Looked::Expected(expected_s) => Msg::Expected(expected_s),
         };
         self.tell(msg);
+    }
+
+    fn count_shift(&self) {
+        if let Some(counter) = self.counter.clone() {
+            self.aside(move || Msg::Shift(Box::new(counter.count())));
+        }
     }
 
     /// The records folder of the bench on the screen; without a bench, the folder as far as it is known.

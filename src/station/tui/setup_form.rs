@@ -77,6 +77,12 @@ impl Form {
         }
     }
 
+    /// The form with the cursor at a line.
+    pub(crate) fn at(model: &ScreenModel, line: FormLine) -> Self {
+        let line = FormLine::ALL.iter().position(|each| *each == line).unwrap_or(0);
+        Self { line, ..Self::new(model) }
+    }
+
     pub(crate) fn here(&self) -> FormLine {
         FormLine::ALL[self.line.min(FormLine::ALL.len() - 1)]
     }

@@ -55,7 +55,7 @@ pub(crate) enum LoopEnd {
     TerminalLost,
 }
 
-/// Shows the model until the operator leaves, or the terminal is no longer `ours`.
+/// Shows the model until the operator leaves, or the terminal is no longer `ours`. `ring` has the terminal ring.
 pub(crate) async fn show<B: Backend>(
     terminal: &mut Terminal<B>,
     model: &mut ScreenModel,
@@ -63,6 +63,7 @@ pub(crate) async fn show<B: Backend>(
     commands: &mpsc::Sender<Effect>,
     clock: ScreenClock,
     ours: impl Fn() -> bool,
+    ring: impl Fn(),
 ) -> Result<LoopEnd, B::Error> {
     let mut drawn = Instant::now();
     terminal.draw(|frame| view::draw(model, frame))?;
@@ -106,6 +107,9 @@ pub(crate) async fn show<B: Backend>(
             if commands.send(command).await.is_err() || leaves {
                 return Ok(LoopEnd::Left);
             }
+        }
+        if std::mem::take(&mut model.ring) {
+            ring();
         }
         changed = true;
         if Instant::now() >= drawn + FRAME {

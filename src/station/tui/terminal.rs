@@ -26,6 +26,13 @@ const READ_BYTES: usize = 1024;
 /// How long the rest of an escape sequence may take on a slow line, before a lone escape is the key.
 const REST_OF_KEY_MS: u16 = 50;
 
+/// Has the terminal ring, or flash if its owner set it so.
+pub(crate) fn ring() {
+    let out = io::stdout();
+    // Ignore the error: the next drawing meets the same one.
+    let _ = out.lock().write_all(b"\x07").and_then(|()| out.lock().flush());
+}
+
 /// The screen's terminal.
 pub(crate) type Screen = Terminal<CrosstermBackend<BufWriter<File>>>;
 

@@ -10,6 +10,7 @@ use gnc_bench::fixture::Ask;
 use gnc_board::Readings;
 use gnc_executive::event::Event;
 use gnc_executive::state::RunState;
+use gnc_records::shift::Shift;
 
 use super::decode::Key;
 use super::lang::{Lang, Texts, fill};
@@ -55,6 +56,10 @@ pub(crate) enum Msg {
     Refolded { folder: PathBuf, state: Result<Box<RunState>, String> },
     /// Seconds that the last whole run of this plan took.
     Expected(Option<f64>),
+    /// The modules of this shift.
+    Shift(Box<Shift>),
+    /// The program that is told verdicts does not do its work.
+    HookTrouble(String),
     /// Days with records.
     Days(Result<Vec<Day>, String>),
     /// Runs of a day.
@@ -143,6 +148,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             }
             model.bench_path = path;
             model.bench = bench;
+            take_operator(model);
         }
         Msg::Plan { path, plan } => take_plan(model, path, plan),
         Msg::Choices(choices) => model.choices = choices,
@@ -173,9 +179,22 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             };
         }
         Msg::EndAsked => model.leaving = true,
+        Msg::Shift(shift) => model.shift = Some(*shift),
+        Msg::HookTrouble(what) => model.say(MessageWeight::Warning, what),
         Msg::Days(_) | Msg::Runs(_) | Msg::Opened(_) | Msg::Verified { .. } => take_records(model, msg),
     }
     None
+}
+
+/// Takes the operator of the bench, if nobody is named yet. A name that was only remembered is told, since another
+/// person may be at the bench now.
+fn take_operator(model: &mut ScreenModel) {
+    let usual = model.bench.ready().and_then(|bench| bench.operator.clone());
+    let Some(usual) = usual.filter(|_| model.operator.is_empty()) else { return };
+    if usual.remembered {
+        model.say(MessageWeight::Info, words(model.texts.operator_remembered, &[&usual.name]));
+    }
+    model.operator = usual.name;
 }
 
 fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) {

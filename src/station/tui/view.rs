@@ -18,6 +18,7 @@ mod picture;
 mod records;
 mod rows;
 mod setup;
+mod shift;
 mod style;
 mod text;
 

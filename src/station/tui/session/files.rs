@@ -7,15 +7,18 @@ use gnc_bench::service::CheckedPlan;
 use gnc_executive::catalogue::processor::PART;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
+use gnc_records::shift::last_operator;
 
-use super::archive;
+use super::{archive, told};
 use crate::args::RunArgs;
 use crate::files::{self, ChangedFile};
 use crate::refusal::CommandRefusal;
 use crate::setup::{self, BENCH_FILE, CheckedBench};
-use crate::tui::model::{BenchView, PlanView, ProgramView};
+use crate::tui::model::{BenchView, PlanView, ProgramView, UsualOperator};
 use crate::tui::setup_form::Choices;
 
+/// The plan that is used when neither the command line nor the bench file names one.
+const PLAN: &str = "test-plans/functional.toml";
 /// Prefix of the name of a simulated module.
 pub(crate) const SIM: &str = "sim:";
 /// The folder of plans.
@@ -52,16 +55,25 @@ impl Held {
 /// A result of a check of bench and plan, in the order of reporting.
 #[derive(Debug)]
 pub(super) enum Looked {
-    Bench { path: String, bench: Result<Box<CheckedBench>, CommandRefusal> },
+    Bench { path: String, bench: Result<Box<(CheckedBench, BenchView)>, CommandRefusal> },
     Plan { path: String, plan: Result<Box<(HeldPlan, PlanView)>, CommandRefusal> },
     Expected(Option<f64>),
 }
 
-/// Reads and checks bench and plan, and reports what they are or all their mistakes.
-pub(super) fn look(args: &RunArgs, plan_path: &Path, tell: impl Fn(Looked)) {
-    let bench = setup::check(args).map(Box::new);
+/// Reads and checks bench and plan, and reports what they are or all their mistakes. Without a plan, it takes that of
+/// the bench file.
+pub(super) fn look(args: &RunArgs, plan_path: Option<&Path>, tell: impl Fn(Looked)) {
+    let bench = setup::check(args);
     let known = bench.as_ref().ok().map(|bench| (bench.abilities, bench.bench.kind, bench.records.clone()));
-    tell(Looked::Bench { path: bench_name(args), bench });
+    let usual = bench.as_ref().ok().and_then(|bench| bench.habits.plan.clone());
+    let plan_path = plan_path.map(Path::to_owned).or(usual).unwrap_or_else(|| PLAN.into());
+    let plan_path = plan_path.as_path();
+    let path = bench_name(args);
+    let bench = bench.map(|checked| {
+        let view = bench_view(&path, &checked);
+        Box::new((checked, view))
+    });
+    tell(Looked::Bench { path, bench });
     // Without a bench, check the plan alone, so that the operator can correct one after the other.
     let abilities = known.as_ref().map_or(setup::SIMULATED, |(abilities, ..)| *abilities);
     let plan = plan_view(plan_path, abilities).map(Box::new);
@@ -76,7 +88,7 @@ pub(super) fn lines(refusal: &CommandRefusal) -> String {
     if refusal.try_this.is_empty() { refusal.what.clone() } else { format!("{}\n{}", refusal.what, refusal.try_this) }
 }
 
-pub(super) fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
+fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
     BenchView {
         station: checked.station.clone(),
         kind: checked.bench.kind,
@@ -84,7 +96,19 @@ pub(super) fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
         // A simulated bench has another link for each module.
         link: checked.link().map(ToString::to_string).unwrap_or_default(),
         records: checked.records.clone(),
+        operator: usual_operator(checked),
+        operator_required: checked.habits.operator.required,
+        bell: checked.habits.bell,
     }
+}
+
+/// The operator of the bench file; else that of the last run of this shift.
+fn usual_operator(checked: &CheckedBench) -> Option<UsualOperator> {
+    if let Some(name) = checked.habits.operator.name.clone() {
+        return Some(UsualOperator { name, remembered: false });
+    }
+    let last = last_operator(&told::shift_of(checked), told::shift_began(&checked.habits.shifts));
+    last.map(|name| UsualOperator { name, remembered: true })
 }
 
 fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanView), CommandRefusal> {

@@ -16,6 +16,7 @@ use gnc_text::with_causes;
 use tokio::sync::mpsc;
 
 use super::files::{Held, NOT_HELD};
+use super::told::Told;
 use crate::auto;
 use crate::refusal::CommandRefusal;
 use crate::setup::Setup;
@@ -28,6 +29,8 @@ pub(super) struct Handles {
     pub screen: mpsc::Sender<Msg>,
     pub live: Live,
     pub questions: mpsc::Sender<OperatorQuestion>,
+    /// Who else learns of verdicts.
+    pub told: Told,
 }
 
 /// How an order ended.
@@ -129,7 +132,8 @@ fn prepare(
 async fn serve(request: &RunRequest, setup: Setup, handles: Handles) -> Finished {
     // The simulated bench ends with this scope.
     let Setup { equipment, simulation: _simulation } = setup;
-    let mut shown = Shown { screen: handles.screen, store_error: None };
+    let serial_number = request.serial_number.clone();
+    let mut shown = Shown { screen: handles.screen, told: handles.told, serial_number, store_error: None };
     let done = service::run(request, equipment, &handles.control, &handles.live, &mut shown).await;
     let (outcome, refused) = match done {
         Ok(done) => (Some(done.outcome()), done.refused),
@@ -142,6 +146,8 @@ async fn serve(request: &RunRequest, setup: Setup, handles: Handles) -> Finished
 /// Tells the screen of each round. A screen that is far behind reads the record later.
 struct Shown {
     screen: mpsc::Sender<Msg>,
+    told: Told,
+    serial_number: String,
     store_error: Option<String>,
 }
 
@@ -155,7 +161,8 @@ impl Observer for Shown {
         }))
     }
 
-    async fn end(&mut self, _: &Path, ending: &Ending) {
+    async fn end(&mut self, folder: &Path, ending: &Ending) {
+        self.told.verdict(folder, &self.serial_number, ending.outcome);
         if let Some(error) = &ending.store_error {
             self.store_error = Some(format!("{}; {}", with_causes(error), error.try_this()));
         }

@@ -193,6 +193,11 @@ fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
         model.say(MessageWeight::Error, lacking);
         return None;
     }
+    if model.operator.trim().is_empty() && model.bench.ready().is_some_and(|bench| bench.operator_required) {
+        model.say(MessageWeight::Warning, model.texts.operator_needed);
+        model.over.push(Over::Setup(Form::at(model, FormLine::Operator)));
+        return Some(Effect::ListChoices);
+    }
     let selection = match what {
         What::Ticked => ticked(model),
         What::One => model.item_under_cursor().map(|item| vec![item.to_owned()]),

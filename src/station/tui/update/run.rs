@@ -40,6 +40,7 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         {
             plan.expected_s = Some(event.elapsed_us as f64 / 1e6);
         }
+        model.call();
     }
     None
 }
@@ -48,6 +49,7 @@ pub(super) fn asked(model: &mut ScreenModel, item: String, ask: Ask) {
     let since = model.now.since_start;
     if let Some(run) = &mut model.run {
         run.prompt = Some(Prompt { item, ask, since });
+        model.call();
     }
 }
 

@@ -33,10 +33,14 @@ fn pair(label: &str, value: &str, style: Style, label_cells: usize, cells: usize
 /// The module, the operator, the station, the plan and the board.
 pub(super) fn product(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
-    let block = block(texts.product);
+    let mut block = block(texts.product);
     let inner = block.inner(area);
-    frame.render_widget(block, area);
     let cells = usize::from(inner.width);
+    if let Some(shift) = model.shift.as_ref().filter(|shift| !shift.modules.is_empty()) {
+        let counted = text::cut(&super::shift::short(model, shift), cells.saturating_sub(2));
+        block = block.title_bottom(format!(" {counted} "));
+    }
+    frame.render_widget(block, area);
     let labels =
         [texts.serial_number, texts.part, texts.operator, texts.plan, texts.board, texts.next_module, texts.station];
     let label_cells = labels.iter().map(|label| text::width(label)).max().unwrap_or(0);

@@ -10,7 +10,7 @@ use ratatui::widgets::Paragraph;
 
 use super::panels::block;
 use super::rows::first_shown;
-use super::{WIDE, detail, frame as edges, rows, style, text};
+use super::{WIDE, detail, frame as edges, rows, shift, style, text};
 use crate::tui::lang::fill;
 use crate::tui::model::{MessageWeight, ScreenModel, order};
 use crate::tui::records::{Check, MAX_RUNS, OpenRun, RunLine, RunMark, Runs};
@@ -36,6 +36,15 @@ fn line(here: bool, spans: Vec<Span<'static>>, cells: usize) -> Line<'static> {
 
 fn days(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
+    let area = match model.shift.as_ref().filter(|shift| !shift.modules.is_empty()) {
+        Some(shift) => {
+            let height = shift::HEIGHT.min(4 + u16::try_from(shift.modules.len()).unwrap_or(u16::MAX));
+            let [top, below] = Layout::vertical([Constraint::Length(height), Constraint::Fill(1)]).areas(area);
+            shift::panel(model, shift, frame, top);
+            below
+        }
+        None => area,
+    };
     let records = &model.records;
     let block = block(&format!("{}: {}", texts.records, texts.days));
     let inner = block.inner(area);
