@@ -3,6 +3,7 @@
 #![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
 
 mod calibration;
+mod day;
 mod start;
 mod terminal;
 

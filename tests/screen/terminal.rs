@@ -19,11 +19,21 @@ use nix::unistd::Pid;
 /// Longest time of a whole test. A busy machine is slow, but a good test never waits for this.
 const DEADLINE: Duration = Duration::from_secs(120);
 
+/// Counts how often the terminal rings.
+#[derive(Debug, Default)]
+struct Bells(usize);
+
+impl vt100::Callbacks for Bells {
+    fn audible_bell(&mut self, _: &mut vt100::Screen) {
+        self.0 += 1;
+    }
+}
+
 pub(crate) struct Terminal {
     master: Option<File>,
     slave: OwnedFd,
     before: Termios,
-    parser: vt100::Parser,
+    parser: vt100::Parser<Bells>,
     ended: mpsc::Receiver<ExitStatus>,
     pid: Pid,
     deadline: Instant,
@@ -47,7 +57,7 @@ impl Terminal {
         let pid = Pid::from_raw(child.id().cast_signed());
         let (ended_in, ended) = mpsc::channel();
         std::thread::spawn(move || ended_in.send(child.wait().expect("the station's end")));
-        let parser = vt100::Parser::new(at_least_one(rows), at_least_one(columns), 0);
+        let parser = vt100::Parser::new_with_callbacks(at_least_one(rows), at_least_one(columns), 0, Bells::default());
         let deadline = Instant::now() + DEADLINE;
         let master = File::from(OwnedFd::from(master));
         Self { master: Some(master), slave, before, parser, ended, pid, deadline }
@@ -55,6 +65,11 @@ impl Terminal {
 
     pub(crate) fn text(&self) -> String {
         self.parser.screen().contents()
+    }
+
+    /// How often it has rung so far.
+    pub(crate) fn bells(&self) -> usize {
+        self.parser.callbacks().0
     }
 
     /// Waits until the screen shows this text.
