@@ -42,7 +42,7 @@ fn a_bench_names_plan_and_operator_and_a_program_is_told_the_verdict() {
     assert_eq!(terminal.bells(), 1);
     terminal.types(F9);
     terminal.types(F9);
-    terminal.wait_for("1 passed · 0 failed · 0 without a verdict · first-pass yield 100 %: 1 of 1");
+    terminal.wait_for("1 passed · 0 failed · 0 without a verdict · first-pass yield 100 % (1 of 1)");
     terminal.types(F10);
     let (status, restored) = terminal.end();
     assert!(restored && status.code() == Some(0), "{status}");

@@ -104,6 +104,8 @@ pub(crate) struct Texts {
     pub first_pass: &'static str,
     pub others: &'static str,
     pub last_modules: &'static str,
+    /// How many modules.
+    pub modules: &'static str,
     pub loading: &'static str,
     pub still_loading: &'static str,
     // Run panel.

@@ -9,6 +9,7 @@ use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{AttemptError, BoardBreach, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_records::shift::{ModuleOfShift, Shift};
 use gnc_rig::{Along, Orientation};
 
 use super::decode::Key;
@@ -125,6 +126,32 @@ fn record(scene: &mut Scene) {
     let state = played.model.run.take().expect("a run").state;
     let path = "records/2026-11-22/DEMO-1/140500-functional".into();
     scene.tell(Msg::Opened(Ok(Box::new((path, state, RunMark::Outcome(Outcome::Failed))))));
+}
+
+/// Three modules of a shift: passed at once, passed at the second try, errored.
+fn shift(scene: &mut Scene) {
+    let module = |serial_number: &str, minute: u32, outcome, first_pass| ModuleOfShift {
+        serial_number: serial_number.into(),
+        at: chrono::DateTime::parse_from_rfc3339(&format!("2026-11-22T14:{minute:02}:00+08:00")).expect("a time"),
+        outcome,
+        first_pass,
+    };
+    let since = chrono::DateTime::parse_from_rfc3339("2026-11-22T14:00:00+08:00").expect("a time");
+    let modules = vec![
+        module("DEMO-1", 5, Outcome::Passed, Some(true)),
+        module("DEMO-2", 9, Outcome::Passed, Some(false)),
+        module("模块-3", 11, Outcome::Errored, None),
+    ];
+    scene.tell(Msg::Shift(Box::new(Shift { since, modules })));
+}
+
+#[test]
+fn the_shift_is_counted() {
+    check("shift", |scene| {
+        records(scene);
+        shift(scene);
+    });
+    check("shift_idle", |scene| shift(scene));
 }
 
 #[test]

@@ -60,7 +60,7 @@ fn days(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
             let first = first_shown(records.day_cursor, days.len(), room);
             let shown = days.iter().enumerate().skip(first).take(room);
             let each = shown.map(|(index, day)| {
-                let count = format!("{:>6}  {}", day.serial_numbers, texts.serial_number);
+                let count = fill(texts.modules, &[&day.serial_numbers.to_string()]);
                 let spans =
                     vec![Span::raw(text::fit(&text::shown(&day.name), 14)), Span::styled(count, style::faint())];
                 line(index == records.day_cursor, spans, usize::from(inner.width))
