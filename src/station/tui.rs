@@ -61,6 +61,13 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
     if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
         return refuse("the screen needs a terminal", "run a plan without one: --auto PLAN --serial-number SN");
     }
+    if std::env::var("TERM").is_ok_and(|term| term == "dumb") {
+        let what = "this terminal says that it can move no cursor (TERM=dumb), and the screen needs that";
+        return refuse(
+            what,
+            "open another terminal, set TERM to its real name, or run a plan without the screen: --auto PLAN --serial-number SN",
+        );
+    }
     match open(args, began) {
         Ok(outcome) => outcome.map_or(ExitCode::SUCCESS, exit_code::of),
         Err(refusal) => refuse(refusal.what, &refusal.try_this),

@@ -107,6 +107,19 @@ fn an_operator_tests_a_module() {
     assert_eq!(verified.code, Some(0), "{}", verified.stdout);
 }
 
+/// A terminal that can move no cursor is refused in words, and nothing is drawn on it.
+#[test]
+fn a_dumb_terminal_is_refused_in_words() {
+    let place = Place::new(STATION);
+    let mut command = Command::new("setsid");
+    command.arg("--ctty").arg(STATION).args(["--sim"]).current_dir(place.path()).env("TERM", "dumb");
+    let mut terminal = Terminal::start(command, 80, 24);
+    terminal.wait_for("TERM=dumb");
+    terminal.wait_for("--auto PLAN");
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(2), "{status}");
+}
+
 /// A signal ends a run in order: the record is complete, and the terminal is restored.
 #[test]
 fn a_signal_ends_the_run_and_gives_the_terminal_back() {

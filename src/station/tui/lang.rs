@@ -73,6 +73,8 @@ pub(crate) struct Texts {
     pub simulated: &'static str,
     pub simulated_long: &'static str,
     pub too_small: &'static str,
+    /// What a small screen lacks, and the size from which on it is there.
+    pub small_screen: &'static str,
     pub no_glyphs: &'static str,
     // Product panel.
     pub serial_number: &'static str,
@@ -89,6 +91,9 @@ pub(crate) struct Texts {
     pub board_breaks: &'static str,
     pub module_on: &'static str,
     pub module_off: &'static str,
+    /// The run ended at once, and only the board's watchdog switches the module off.
+    pub power_unknown: &'static str,
+    pub watchdog_acts: &'static str,
     pub scan_here: &'static str,
     /// Whose name is taken over from the last run.
     pub operator_remembered: &'static str,

@@ -37,7 +37,7 @@ pub(crate) fn choose(environment: &Environment, wanted: Option<Lang>) -> (Lang, 
         _ if !utf8 => Glyphs::Ascii,
         // The kernel's own console has only 512 glyphs. Only this name identifies it.
         "linux" => Glyphs::Console,
-        "dumb" | "vt100" | "vt220" => Glyphs::Ascii,
+        "vt100" | "vt220" => Glyphs::Ascii,
         _ => Glyphs::Unicode,
     };
     let wanted = wanted.unwrap_or_else(|| Lang::of_locale(&environment.messages));

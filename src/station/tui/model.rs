@@ -239,6 +239,8 @@ pub(crate) struct RunView {
     pub stops: u32,
     /// When the round began, since the start of the program.
     pub began: Duration,
+    /// How long the round was paused so far.
+    pub paused: Duration,
     /// Seconds that the round is expected to take.
     pub expected_s: Option<f64>,
     /// Outcomes of the rounds so far.
@@ -261,11 +263,23 @@ impl RunView {
             pause: Pause::No,
             stops: 0,
             began: now.since_start,
+            paused: Duration::ZERO,
             expected_s,
             ends: Vec::new(),
             rounds,
             store_error: None,
         }
+    }
+
+    /// Whether nothing runs since a pause was asked for.
+    pub(crate) fn is_paused(&self) -> bool {
+        self.pause == Pause::Asked && self.progress.is_empty() && !self.over
+    }
+
+    /// Whether the run ended while the module was under power: its board switches it off by itself, and nobody has
+    /// seen it.
+    pub(crate) fn power_unknown(&self) -> bool {
+        self.over && self.state.power().is_some_and(|power| power.on)
     }
 
     /// The verdict, once the run is over. A run that could not be recorded does not pass.
@@ -310,6 +324,11 @@ pub(crate) struct Earlier {
     pub mark: RunMark,
 }
 
+/// How long news stays on the screen: long enough to be read twice.
+const INFO_STAYS: Duration = Duration::from_secs(30);
+/// How long a warning stays: an operator may be at the socket.
+const WARNING_STAYS: Duration = Duration::from_secs(120);
+
 /// How much a message matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MessageWeight {
@@ -328,6 +347,8 @@ pub(crate) struct ScreenModel {
     pub page: ScreenPage,
     pub over: Vec<Over>,
     pub message: Option<(MessageWeight, String)>,
+    /// When the message came, since the start of the program.
+    pub message_since: Duration,
     pub bench: Loaded<BenchView>,
     pub bench_path: String,
     pub plan: Loaded<PlanView>,
@@ -374,6 +395,7 @@ impl ScreenModel {
             page: ScreenPage::Tests,
             over: Vec::new(),
             message: look.poor.then(|| (MessageWeight::Warning, lang.texts().no_glyphs.to_owned())),
+            message_since: now.since_start,
             bench: Loaded::Loading,
             bench_path: String::new(),
             plan: Loaded::Loading,
@@ -469,6 +491,29 @@ impl ScreenModel {
 
     pub(crate) fn say(&mut self, weight: MessageWeight, text: impl Into<String>) {
         self.message = Some((weight, text.into()));
+        self.message_since = self.now.since_start;
+    }
+
+    /// How long the message stays; `None` if there is none, or if it is an error, which stays until something follows.
+    pub(crate) fn message_left(&self) -> Option<Duration> {
+        let stays = match self.message.as_ref()?.0 {
+            MessageWeight::Info => INFO_STAYS,
+            MessageWeight::Warning => WARNING_STAYS,
+            MessageWeight::Error => return None,
+        };
+        Some((self.message_since + stays).saturating_sub(self.now.since_start))
+    }
+
+    /// Moves the clock on: old messages go, and the time of a pause is counted.
+    pub(crate) fn goes_on(&mut self, now: Now) {
+        let step = now.since_start.saturating_sub(self.now.since_start);
+        self.now = now;
+        if self.message_left() == Some(Duration::ZERO) {
+            self.message = None;
+        }
+        if let Some(run) = self.run.as_mut().filter(|run| run.is_paused()) {
+            run.paused += step;
+        }
     }
 
     /// Has the terminal ring, if the bench file wants it.

@@ -131,6 +131,16 @@ impl Scene {
 
     /// Scans a number, starts, and lets the board answer.
     pub(crate) fn start(&mut self, serial_number: &str) {
+        self.start_run(serial_number, None);
+    }
+
+    /// The same with chosen items.
+    #[cfg(test)]
+    pub(crate) fn start_selection(&mut self, serial_number: &str, items: &[&str]) {
+        self.start_run(serial_number, Some(items.iter().map(|item| (*item).to_owned()).collect()));
+    }
+
+    fn start_run(&mut self, serial_number: &str, selection: Option<Vec<String>>) {
         self.types(serial_number);
         self.key(Key::Enter);
         self.key(Key::F(5));
@@ -140,7 +150,7 @@ impl Scene {
         self.run_began = self.now.since_start;
         self.seq = 0;
         let (plan, items) = self.plan.clone();
-        let header = Box::new(header(serial_number, plan));
+        let header = Box::new(RunHeader { selection, ..header(serial_number, plan) });
         self.event(EventKind::RunStarted { header, items });
         self.tell(Msg::RoundBegins { folder: "records/2026-11-22/DEMO-1/143000-functional".into() });
         self.event(EventKind::BoardFound(BoardInfo {
@@ -187,6 +197,15 @@ impl Scene {
 
     #[cfg(test)]
     pub(crate) fn run_ends(&mut self, outcome: Outcome) {
+        let supply = "slave board".to_owned();
+        let off = Power { on: false, supply, voltage_v: None, current_a: None, calibration: None };
+        self.event(EventKind::Power(off));
+        self.run_ends_at_once(outcome);
+    }
+
+    /// Ends without the board: whether the module is off is not known.
+    #[cfg(test)]
+    pub(crate) fn run_ends_at_once(&mut self, outcome: Outcome) {
         self.event(EventKind::RunEnded { outcome });
         self.tell(Msg::RunOver { store_error: None, refusal: None });
     }

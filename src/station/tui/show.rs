@@ -133,7 +133,8 @@ fn rest(model: &ScreenModel) -> Duration {
         return TICK;
     }
     // The time of day is shown in minutes.
-    Duration::from_secs(u64::from(60 - model.now.at.second().min(59)))
+    let minute = Duration::from_secs(u64::from(60 - model.now.at.second().min(59)));
+    model.message_left().map_or(minute, |left| left.min(minute))
 }
 
 fn progress(doing: &[Doing]) -> Vec<Progress> {

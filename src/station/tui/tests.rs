@@ -2,6 +2,7 @@
 
 mod captures;
 mod start;
+mod truth;
 
 use std::time::Duration;
 
@@ -151,7 +152,7 @@ fn the_shift_is_counted() {
         records(scene);
         shift(scene);
     });
-    check("shift_idle", |scene| shift(scene));
+    check("shift_idle", shift);
 }
 
 #[test]

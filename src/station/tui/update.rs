@@ -126,7 +126,7 @@ pub(crate) struct StartRequest {
 /// Applies a message.
 pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
     match msg {
-        Msg::Time(now) => model.now = now,
+        Msg::Time(now) => model.goes_on(now),
         Msg::Key(key) => return keys::key(model, key),
         Msg::Event(event) => return run::event(model, &event),
         Msg::Progress(progress) => {

@@ -5,6 +5,7 @@ mod attitude;
 mod big;
 mod board;
 mod calibration;
+mod compact;
 mod detail;
 mod dialog;
 mod field;
@@ -30,17 +31,19 @@ use ratatui::widgets::{Paragraph, Wrap};
 use super::lang::fill;
 use super::model::{Over, ScreenModel, ScreenPage};
 
-/// The smallest screen that shows everything.
+/// The smallest screen with panels. A list scrolls where it has not enough rows.
 pub(crate) const MIN_WIDTH: u16 = 80;
-/// The smallest screen that shows everything.
-pub(crate) const MIN_HEIGHT: u16 = 24;
+/// The smallest screen with panels: seven rows of panels and a few of the list.
+pub(crate) const MIN_HEIGHT: u16 = 16;
+/// The smallest screen that shows more than the verdict.
+const LEAST: (u16, u16) = (24, 6);
 /// From this width on lists and details stand side by side.
 pub(crate) const WIDE: u16 = 120;
 
 /// Draws the screen.
 pub(crate) fn draw(model: &ScreenModel, frame: &mut Frame<'_>) {
     let area = frame.area();
-    if area.width < MIN_WIDTH || area.height < MIN_HEIGHT {
+    if area.width < LEAST.0 || area.height < LEAST.1 {
         too_small(model, frame, area);
     } else {
         whole(model, frame, area);
@@ -67,11 +70,15 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1), Constraint::Length(1)])
             .areas(area);
     frame::head(model, frame, head);
+    let small = frame.area().width < MIN_WIDTH || frame.area().height < MIN_HEIGHT;
     match (model.over.last(), model.page) {
         (Some(Over::Help { place, scroll }), _) => dialog::help(model, frame, body, *place, *scroll),
         (Some(Over::Setup(form)), _) => setup::draw(model, form, frame, body),
         (Some(Over::Item { name, scroll }), _) => detail::page(model, frame, body, name, *scroll),
         (Some(Over::Log { scroll }), _) => log::page(model, frame, body, *scroll),
+        (_, ScreenPage::Tests | ScreenPage::Calibration | ScreenPage::Live) if small => {
+            compact::draw(model, frame, body);
+        }
         (_, ScreenPage::Tests) => board::draw(model, frame, body),
         (_, ScreenPage::Calibration) => calibration::draw(model, frame, body),
         (_, ScreenPage::Live) => live::draw(model, frame, body),

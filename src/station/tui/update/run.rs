@@ -17,6 +17,7 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
     if matches!(event.kind, EventKind::RunStarted { .. }) {
         run.state = RunState::new();
         run.began = now.since_start;
+        run.paused = std::time::Duration::ZERO;
         run.events_lost = false;
         run.expected_s = expected_s;
         model.cursor = 0;
@@ -27,8 +28,15 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
     if run.state.apply(event).is_err() {
         // The terminal was so far behind that events were lost. The record has them all.
         run.events_lost = true;
-        model.message = Some((MessageWeight::Warning, model.texts.events_lost.to_owned()));
+        model.say(MessageWeight::Warning, model.texts.events_lost);
         return None;
+    }
+    if let EventKind::ItemStarted { item, .. } = &event.kind
+        && run.state.header().is_some_and(|header| header.selection.is_some())
+        && let Some(at) = run.state.rows().iter().position(|row| row.planned.name == *item)
+    {
+        // The operator chose this item among many, and wants to see it run.
+        model.cursor = at;
     }
     if let EventKind::RunEnded { outcome } = event.kind {
         run.ends.push(outcome);
@@ -62,24 +70,29 @@ pub(super) fn earlier(model: &mut ScreenModel, serial_number: &str, run: Option<
 
 /// Ends the run on the screen: nothing follows.
 pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal: Option<String>) -> Option<Effect> {
-    let leaving = model.leaving;
+    let (leaving, texts) = (model.leaving, model.texts);
     let run = model.run.as_mut()?;
     run.over = true;
     run.prompt = None;
     run.progress.clear();
     run.pause = Pause::No;
-    if let Some(error) = &store_error {
-        model.message = Some((MessageWeight::Error, words(model.texts.store_error, &[error])));
-    }
+    let said = match (&store_error, &refusal) {
+        (_, Some(why)) => {
+            let first = why.lines().next().unwrap_or_default();
+            Some((MessageWeight::Error, words(texts.run_refused, &[first])))
+        }
+        (Some(error), None) => Some((MessageWeight::Error, words(texts.store_error, &[error]))),
+        (None, None) if run.power_unknown() => Some((MessageWeight::Warning, texts.watchdog_acts.to_owned())),
+        (None, None) => None,
+    };
     run.store_error = store_error;
     let missed = run.folder.clone().filter(|_| run.events_lost);
     let nothing_done = run.ends.is_empty() && run.state.header().is_none() && !run.events_lost;
-    if let Some(why) = refusal {
-        let first = why.lines().next().unwrap_or_default();
-        model.message = Some((MessageWeight::Error, words(model.texts.run_refused, &[first])));
-        if nothing_done {
-            model.run = None;
-        }
+    if nothing_done && refusal.is_some() {
+        model.run = None;
+    }
+    if let Some((weight, what)) = said {
+        model.say(weight, what);
     }
     // The question whether to stop the run needs no answer any more.
     model.over.retain(|over| *over != Over::Leave);

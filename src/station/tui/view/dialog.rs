@@ -49,10 +49,10 @@ fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str,
     let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
     let lines: Vec<String> = words.iter().flat_map(|words| text::wrap(words, cells)).collect();
     let place = over(model, frame, area, title, lines.len() as u16 + 2);
-    let mut shown: Vec<Line<'_>> = lines.into_iter().map(Line::raw).collect();
-    shown.push(Line::raw(""));
-    shown.push(answers(model));
-    frame.render_widget(Paragraph::new(shown), place);
+    // On a small screen the gap goes first, and the answers never.
+    let [words_area, answer_area] = Layout::vertical([Constraint::Fill(1), Constraint::Length(1)]).areas(place);
+    frame.render_widget(Paragraph::new(lines.into_iter().map(Line::raw).collect::<Vec<_>>()), words_area);
+    frame.render_widget(answers(model), answer_area);
 }
 
 /// The module was tested today.
@@ -110,14 +110,20 @@ pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
     let what = text::wrap(&(texts.ask)(&prompt.ask), cells);
     let on_no = text::wrap(&fill(texts.on_no, &[&text::shown(&prompt.item)]), cells);
+    let (what_rows, mut on_no_rows) = (what.len() as u16, on_no.len() as u16);
+    // What must be done and the answers stay on the smallest screen; the picture goes first, then the rest.
+    let room = area.height.saturating_sub(what_rows + 4);
     let picture_rows = picture::rows(&prompt.ask);
-    let (what_rows, on_no_rows) = (what.len() as u16, on_no.len() as u16);
+    let picture_rows = if picture_rows + on_no_rows + 2 <= room { picture_rows } else { 0 };
+    if on_no_rows + 1 > room {
+        on_no_rows = 0;
+    }
     let title = format!("{}: {}", texts.prompt_title, text::shown(&prompt.item));
     let place = over(model, frame, area, &title, what_rows + picture_rows + on_no_rows + 4);
     let [what_area, picture_area, since_area, no_area, _, answer_area] = Layout::vertical([
-        Constraint::Length(what_rows + 1),
+        Constraint::Length(what_rows + u16::from(room > 0)),
         Constraint::Length(picture_rows),
-        Constraint::Length(1),
+        Constraint::Length(u16::from(room > 0)),
         Constraint::Length(on_no_rows),
         Constraint::Fill(1),
         Constraint::Length(1),

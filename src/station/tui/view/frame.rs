@@ -12,6 +12,9 @@ use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::lang::fill;
 use crate::tui::model::{Loaded, Pause, ScreenModel, ScreenPage};
 
+/// Cells of a serial number beside a verdict.
+const STANDING_NUMBER: usize = 16;
+
 /// The station, the pages, and a badge if the bench is simulated.
 pub(super) fn head(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
@@ -27,6 +30,10 @@ pub(super) fn head(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         let label = if here { format!("[{title}]") } else { format!(" {title} ") };
         spans.push(Span::styled(label, if here { style::turned() } else { Style::new() }));
     }
+    if let Some((word, style)) = standing(model) {
+        spans.push(Span::raw(" "));
+        spans.push(Span::styled(word, style));
+    }
     let time = model.now.at.format(" %H:%M ").to_string();
     let used: usize = spans.iter().map(Span::width).sum();
     let room = usize::from(area.width).saturating_sub(used + text::width(&time) + 1);
@@ -37,6 +44,22 @@ pub(super) fn head(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     }
     spans.push(Span::raw(time));
     frame.render_widget(Line::from(spans), area);
+}
+
+/// The verdict of the run, or that it is on, wherever the tests page does not show it.
+fn standing(model: &ScreenModel) -> Option<(String, Style)> {
+    let run = model.run.as_ref()?;
+    if model.page == ScreenPage::Tests && model.over.is_empty() {
+        return None;
+    }
+    let number = text::cut(&text::shown(&run.serial_number), STANDING_NUMBER);
+    Some(match run.verdict() {
+        Some(outcome) => {
+            let word = format!(" {} {number} ", (model.texts.verdict)(outcome));
+            (word, style::area(model.look, outcome).patch(style::strong()))
+        }
+        None => (format!(" {} {number} ", model.texts.running), style::accent(model.look)),
+    })
 }
 
 fn badge(model: &ScreenModel) -> String {

@@ -121,12 +121,19 @@ fn plan(model: &ScreenModel) -> String {
 fn board(model: &ScreenModel) -> (String, Style) {
     let texts = model.texts;
     let run = model.run.as_ref();
-    if let Some(board) = run.and_then(|run| run.state.board()) {
-        let power = match run.and_then(|run| run.state.power()) {
-            Some(power) if power.on => texts.module_on,
-            _ => texts.module_off,
+    if model.watching {
+        // Values are watched, and the last run knows nothing of it.
+        return (texts.module_on.to_owned(), style::strong());
+    }
+    if let Some((run, board)) = run.and_then(|run| Some((run, run.state.board()?))) {
+        let (power, style) = match run.state.power() {
+            Some(power) if power.on && run.over => {
+                (texts.power_unknown, style::weight(model.look, MessageWeight::Warning))
+            }
+            Some(power) if power.on => (texts.module_on, Style::new()),
+            _ => (texts.module_off, Style::new()),
         };
-        return (text::shown(&format!("{} · {power} · {}", board.board_serial, board.link)), Style::new());
+        return (text::shown(&format!("{power} · {} · {}", board.board_serial, board.link)), style);
     }
     match &model.bench {
         Loaded::Ready(bench) if bench.link.is_empty() => (texts.no_board_yet.to_owned(), style::faint()),
@@ -258,7 +265,7 @@ fn expected(model: &ScreenModel, run: &RunView, elapsed_s: f64) -> (String, Stri
     let Some(expected_s) = run.expected_s.filter(|_| whole) else {
         return (texts.unknown_yet.to_owned(), texts.unknown_yet.to_owned());
     };
-    let remaining_s = expected_s - elapsed_s;
+    let remaining_s = expected_s - elapsed_s + run.paused.as_secs_f64();
     if remaining_s < 0.0 {
         return (texts.longer_than_last.to_owned(), "-".to_owned());
     }
@@ -288,7 +295,7 @@ fn round(model: &ScreenModel, run: &RunView) -> String {
 }
 
 /// Items that are over, of those that are to be run.
-fn share(run: &RunView) -> (usize, usize) {
+pub(super) fn share(run: &RunView) -> (usize, usize) {
     let selected = || run.state.rows().iter().filter(|row| row.planned.selected);
     (selected().filter(|row| row.is_over()).count(), selected().count())
 }

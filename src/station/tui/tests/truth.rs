@@ -1,0 +1,162 @@
+//! The screen tells what is so: the power of the module, the verdict on every page, times, old messages, small screens.
+
+use std::time::Duration;
+
+use gnc_bench::fixture::Ask;
+use gnc_executive::event::{EventKind, StopHow};
+use gnc_executive::outcome::Outcome;
+
+use super::{fail, scene};
+use crate::tui::decode::Key;
+use crate::tui::lang::Lang;
+use crate::tui::scene::Scene;
+use crate::tui::update::{Effect, Msg};
+
+fn shows(scene: &mut Scene, words: &str) -> bool {
+    scene.text().contains(words)
+}
+
+/// Stopped at once, the station has not seen the module go off. The screen says so, and who acts.
+#[test]
+fn after_a_stop_at_once_the_power_is_unknown() {
+    let mut scene = scene(Lang::En);
+    scene.start("DEMO-1");
+    assert!(shows(&mut scene, "module on"));
+    scene.key(Key::F(8));
+    scene.key(Key::F(8));
+    scene.event(EventKind::StopRequested { how: StopHow::AtOnce, by: "the operator".into() });
+    scene.run_ends_at_once(Outcome::Aborted);
+    let text = scene.text();
+    assert!(text.contains("power unknown") && !text.contains("module on"), "{text}");
+    assert!(text.contains("switches the module off by itself within 2 s"), "{text}");
+    // The next run knows it again.
+    scene.start("DEMO-1");
+    scene.run_ends(Outcome::Passed);
+    assert!(shows(&mut scene, "module off"));
+}
+
+/// Values are watched with the module under power. The panel of the last run must not say that it is off.
+#[test]
+fn a_watched_module_is_on() {
+    let mut scene = scene(Lang::En);
+    fail(&mut scene);
+    assert!(shows(&mut scene, "module off"));
+    scene.key(Key::F(9));
+    assert_eq!(scene.key(Key::F(5)), Some(Effect::Watch));
+    assert_eq!(scene.key(Key::Esc), Some(Effect::Stop));
+    let text = scene.text();
+    assert!(text.contains("module on") && !text.contains("module off"), "{text}");
+    scene.tell(Msg::WatchOver { why: None });
+    assert!(shows(&mut scene, "module off"));
+}
+
+/// Wherever the operator is, the head names the module and its verdict.
+#[test]
+fn the_verdict_is_on_every_page() {
+    for lang in Lang::ALL {
+        let mut scene = scene(lang);
+        fail(&mut scene);
+        let word = (lang.texts().verdict)(Outcome::Failed);
+        let head = |scene: &mut Scene| scene.text().lines().next().unwrap_or_default().to_owned();
+        let wanted = format!("{word} DEMO-1");
+        assert!(!head(&mut scene).contains(&wanted), "the page shows it large");
+        for key in [Key::F(1), Key::Esc, Key::Ctrl('l'), Key::Esc, Key::F(2), Key::Esc, Key::F(9), Key::F(9)] {
+            scene.key(key);
+            let is_tests_page = key == Key::Esc;
+            assert_eq!(head(&mut scene).contains(&wanted), !is_tests_page, "{key:?}: {}", head(&mut scene));
+        }
+    }
+}
+
+#[test]
+fn the_chosen_item_is_under_the_cursor_while_it_runs() {
+    let mut scene = scene(Lang::En);
+    scene.start_selection("DEMO-1", &["spi", "sci"]);
+    scene.passes(&["spi"]);
+    scene.event(EventKind::ItemStarted { item: "sci".into(), attempt: 1 });
+    assert_eq!(scene.model.item_under_cursor(), Some("sci"));
+    // A run of the whole plan leaves the cursor to the operator.
+    let mut scene = self::scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.event(EventKind::ItemStarted { item: "cpu".into(), attempt: 1 });
+    assert_eq!(scene.model.item_under_cursor(), Some("identity"));
+}
+
+/// Of 4.8 s expected, 1.4 s are worked and a minute is paused: 3.4 s remain.
+#[test]
+fn the_remaining_time_stands_in_a_pause() {
+    let mut scene = scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.passes(&[
+        "identity",
+        "cpu",
+        "timers",
+        "internal-ram",
+        "sdram",
+        "spi-flash",
+        "internal-flash",
+        "gnss",
+        "ad",
+        "io",
+    ]);
+    scene.key(Key::F(6));
+    for _ in 0..60 {
+        scene.pass_time(Duration::from_secs(1));
+    }
+    assert!(shows(&mut scene, "3.40 s"), "{}", scene.text());
+    scene.key(Key::F(6));
+    scene.pass_time(Duration::from_secs(1));
+    assert!(shows(&mut scene, "2.40 s"), "{}", scene.text());
+}
+
+#[test]
+fn old_news_goes_and_an_error_stays() {
+    let mut scene = scene(Lang::En);
+    scene.types("DEMO-1");
+    scene.key(Key::Enter);
+    assert!(shows(&mut scene, "DEMO-1: F5 starts the test."));
+    scene.pass_time(Duration::from_secs(29));
+    assert!(shows(&mut scene, "DEMO-1: F5 starts the test."));
+    scene.pass_time(Duration::from_secs(1));
+    assert!(!shows(&mut scene, "DEMO-1: F5 starts the test."));
+    // The screen wakes for it, not only at the next minute.
+    scene.tell(Msg::HookTrouble("no paper".into()));
+    assert_eq!(scene.model.message_left(), Some(Duration::from_secs(120)));
+    scene.tell(Msg::WatchOver { why: Some("the cable is out".into()) });
+    scene.pass_time(Duration::from_secs(3600));
+    assert!(shows(&mut scene, "the cable is out"));
+}
+
+/// A terminal of 80x24 with a status line has 23 rows, a split one half of that. What matters is there at every size:
+/// the verdict, a question with all its words, and its answers.
+#[test]
+fn a_small_screen_shows_what_matters() {
+    for lang in Lang::ALL {
+        let texts = lang.texts();
+        let mut failed = scene(lang);
+        fail(&mut failed);
+        let mut asked = scene(lang);
+        asked.start("DEMO-1");
+        asked.tell(Msg::Asked { item: "ad".into(), ask: Ask::Switches(None) });
+        let question = (texts.ask)(&Ask::Switches(None));
+        for (width, height) in [(80, 23), (80, 16), (79, 24), (60, 16), (40, 12), (30, 10)] {
+            failed.resize(width, height);
+            let text = failed.text();
+            // Large letters say it on a large screen, and the border of the panel in words.
+            let word = (texts.outcome_word)(Outcome::Failed);
+            assert!(text.to_lowercase().contains(word), "{lang:?} {width}x{height}: {text}");
+            assert!(text.contains("imu"), "{lang:?} {width}x{height}: {text}");
+            asked.resize(width, height);
+            let text = asked.text();
+            let letters = |text: &str| text.chars().filter(|c| c.is_alphanumeric()).collect::<String>();
+            // The words of the question stand between double lines.
+            let words = text.lines().filter_map(|line| line.split_once('║')?.1.rsplit_once('║'));
+            let shown: String = words.map(|(words, _)| letters(words)).collect();
+            assert!(shown.contains(&letters(&question)), "{lang:?} {width}x{height}: {text}");
+            assert!(text.contains(texts.done), "{lang:?} {width}x{height}: {text}");
+        }
+        failed.resize(20, 4);
+        let text = failed.text();
+        assert!(text.to_lowercase().contains((texts.outcome_word)(Outcome::Failed)), "{lang:?}: {text}");
+    }
+}

@@ -1,0 +1,76 @@
+//! The tests page of a screen that is too small for panels: the verdict, what runs, and what is bad.
+
+use gnc_executive::text::duration;
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+use super::rows::{decided, is_bad};
+use super::{frame as edges, style, text};
+use crate::tui::lang::fill;
+use crate::tui::model::{Loaded, RunView, ScreenModel, ScreenPage, order};
+
+pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
+    let texts = model.texts;
+    let cells = usize::from(area.width);
+    let number = model.run.as_ref().map(|run| &run.serial_number).or(model.scan.current.as_ref());
+    let number = number.map_or_else(|| format!("_  ({})", texts.scan_here), |number| text::shown(number));
+    let mut lines = vec![match &model.run {
+        Some(run) => headline(model, run, &number, cells),
+        None => Line::styled(text::cut(&format!("{} {number}", texts.ready), cells), style::strong()),
+    }];
+    let caveats = edges::no_evidence(model);
+    lines.extend(caveats.iter().map(|caveat| Line::styled(text::cut(caveat, cells), style::strong())));
+    match (&model.run, &model.bench, &model.plan) {
+        (Some(run), ..) => lines.extend(of_run(model, run, cells)),
+        (None, Loaded::Refused(why), _) | (None, _, Loaded::Refused(why)) => {
+            lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(line), cells))));
+        }
+        (None, _, Loaded::Ready(plan)) => {
+            let what = format!("{} {}", text::shown(&plan.name), text::shown(&plan.version));
+            lines.push(Line::raw(text::cut(&what, cells)));
+        }
+        _ => lines.push(Line::raw(texts.loading)),
+    }
+    if model.page != ScreenPage::Tests || lines.len() < usize::from(area.height) {
+        let (width, height) = (super::MIN_WIDTH.to_string(), super::MIN_HEIGHT.to_string());
+        let hint = fill(texts.small_screen, &[&width, &height]);
+        let hint = text::wrap(&hint, cells).into_iter().map(|line| Line::styled(line, style::faint()));
+        // On another page than that of the tests, nothing else explains why the page is not there.
+        let at = if model.page == ScreenPage::Tests { lines.len() } else { 1 };
+        lines.splice(at..at, hint);
+    }
+    frame.render_widget(Paragraph::new(lines), area);
+}
+
+/// The verdict, or how far the run is.
+fn headline(model: &ScreenModel, run: &RunView, number: &str, cells: usize) -> Line<'static> {
+    let texts = model.texts;
+    if let Some(outcome) = run.verdict() {
+        let word = format!("{}  {number}", (texts.outcome_word)(outcome).to_uppercase());
+        return Line::styled(text::fit(&word, cells), style::area(model.look, outcome).patch(style::strong()));
+    }
+    let (over, all) = super::panels::share(run);
+    let word = format!("{} {over}/{all}  {number}", texts.running);
+    Line::styled(text::cut(&word, cells), style::accent(model.look).patch(style::strong()))
+}
+
+/// The items at work, then the bad ones with what decided.
+fn of_run(model: &ScreenModel, run: &RunView, cells: usize) -> Vec<Line<'static>> {
+    let mut lines: Vec<Line<'static>> = Vec::new();
+    for progress in &run.progress {
+        let share = progress.done_permille.map_or_else(String::new, |done| format!(" {} %", done / 10));
+        let line = format!("> {} {}{share}", text::shown(&progress.item), duration(progress.elapsed.as_secs_f64()));
+        lines.push(Line::styled(text::cut(&line, cells), style::accent(model.look)));
+    }
+    for position in order(&run.state) {
+        let row = &run.state.rows()[position];
+        if row.is_over() && is_bad(row.outcome) {
+            let mark = Span::styled(format!("{} ", style::mark(row.outcome)), style::outcome(model.look, row.outcome));
+            let what = format!("{} {}", text::shown(&row.planned.name), decided(model, row));
+            lines.push(Line::from(vec![mark, Span::raw(text::cut(&what, cells.saturating_sub(2)))]));
+        }
+    }
+    lines
+}
