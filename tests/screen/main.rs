@@ -212,7 +212,8 @@ fn a_storm_of_sizes() {
     let place = Place::new(STATION);
     let plan = plan();
     let mut terminal = open(&place, &sim(&plan, &["--sim-speed", "max"]), 40, 10);
-    terminal.wait_for("80 x 24");
+    // Too small for panels.
+    terminal.wait_for("80 columns");
     terminal.resize(80, 24);
     terminal.wait_for("functional 1.0");
     terminal.types(b"T-1\r");
