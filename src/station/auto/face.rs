@@ -143,7 +143,7 @@ impl Writer {
             EventKind::StopRequested { by, .. } => {
                 self.say(&format!("stopping: {} (repeat it to stop at once)", printable(by)));
             }
-            EventKind::RunEnded { .. } => self.ended(),
+            EventKind::RunEnded(_) => self.ended(),
             _ => {}
         }
     }

@@ -15,7 +15,7 @@ use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use gnc_bench::control::RunControl;
 use gnc_bench::fixture::OperatorQuestion;
 use gnc_bench::runner::Live;
-use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, oneshot};
 
@@ -93,8 +93,8 @@ impl ScreenSession {
         Self { args, plan, screen, commands, signals, live, held: Held::default(), look: 0, tell_look, looks }
     }
 
-    /// Serves the screen until the operator leaves. Returns the outcome of a run that the end of the program stopped.
-    pub(crate) async fn serve(mut self) -> Option<Outcome> {
+    /// Serves the screen until the operator leaves. Returns the verdict of a run that the end of the program stopped.
+    pub(crate) async fn serve(mut self) -> Option<Verdict> {
         let (ask, mut questions) = mpsc::channel::<OperatorQuestion>(QUESTIONS);
         let mut waiting: VecDeque<OperatorQuestion> = VecDeque::new();
         let mut running: Option<Running> = None;
@@ -115,7 +115,7 @@ impl ScreenSession {
                     running = None;
                     waiting.clear();
                     if ending {
-                        return finished.outcome();
+                        return finished.verdict();
                     }
                     self.tell(finished.into_msg());
                 }

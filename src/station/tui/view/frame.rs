@@ -96,5 +96,8 @@ pub(super) fn no_evidence(model: &ScreenModel) -> Vec<String> {
     if header.selection.is_some() {
         reasons.push(model.texts.selection_long.to_owned());
     }
+    if let Some(earlier) = &header.recomputed {
+        reasons.push(fill(model.texts.rejudged_long, &[&text::shown(&earlier.run)]));
+    }
     reasons
 }
