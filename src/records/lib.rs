@@ -7,4 +7,5 @@ pub mod passport;
 pub mod raw;
 pub mod report;
 pub mod resume;
+pub mod standing;
 pub mod store;

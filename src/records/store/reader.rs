@@ -143,6 +143,11 @@ pub fn days(records: &Path) -> Result<Vec<(String, usize)>, StoreError> {
     Ok(days.map(|day| (name_of(&day), folders(&day).unwrap_or_default().len())).collect())
 }
 
+/// The days that have records, oldest first.
+pub(crate) fn day_names(records: &Path) -> Result<Vec<String>, StoreError> {
+    Ok(folders(records)?.into_iter().filter(|day| is_day(day)).map(|day| name_of(&day)).collect())
+}
+
 /// At most `limit` runs of a day, and whether there are more.
 ///
 /// # Errors
