@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use gnc_executive::catalogue::ItemId;
-use gnc_tests::{Place, bad_items, functional_plan};
+use gnc_tests::{PARTIAL, Place, bad_items, functional_plan};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
@@ -92,7 +92,7 @@ fn a_bench_without_a_board_is_errored() {
         for word in words {
             assert!(run.stdout.contains(word), "{port} does not say {word:?}: {}", run.stdout);
         }
-        assert_eq!(place.record()["outcome"], "errored", "{port}");
+        assert_eq!(place.record()["selection_outcome"], "errored", "{port}");
     }
 }
 
@@ -101,7 +101,7 @@ fn a_bench_without_a_board_is_errored() {
 fn optional_items_and_selections() {
     let place = Place::new(STATION);
     let run = place.functional("--sim", &["--sim-speed", "max", "--sim-link", "can", "--only", "sci,io"]);
-    assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+    assert_eq!(run.code, PARTIAL, "{}{}", run.stdout, run.stderr);
     let record = place.record();
     assert!(bad_items(&record).iter().all(|item| item != "io"), "{record}");
     let sci = record["items"].as_array().into_iter().flatten().find(|item| item["id"] == "sci").expect("sci");
@@ -109,6 +109,37 @@ fn optional_items_and_selections() {
     assert_eq!(sci["cause"]["kind"], "device_missing");
     assert!(run.stdout.contains("SELECTION"), "{}", run.stdout);
     assert!(run.stdout.contains("SIMULATED BENCH"), "{}", run.stdout);
+}
+
+/// Good chosen items end with a code of their own, bad ones as bad. A marginal module has a code of its own on request.
+#[test]
+fn exit_codes_of_selections_and_marginal_modules() {
+    let plan = "name = \"codes\"\nversion = \"1\"\n[[item]]\nid = \"identity\"\nlimits.supply_current = \"0.49 A +- 5 %\"\n\
+                [[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"1 .. 2\"\n";
+    let marginal = "name = \"codes\"\nversion = \"1\"\n[[item]]\nid = \"identity\"\n\
+                    limits.supply_current = { limit = \"0.49 A +- 5 %\", marginal = \"24 mA\" }\n";
+    let check = |plan: &str, more: &[&str], code: i32, words: &str| {
+        let place = Place::new(STATION);
+        place.write("p.toml", plan);
+        let args = ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "T-1"];
+        let run = place.run(args.iter().chain(more));
+        assert_eq!(run.code, Some(code), "{more:?}: {}{}", run.stdout, run.stderr);
+        assert!(run.stdout.contains(words), "{more:?}: {}", run.stdout);
+        assert!(!run.stdout.contains("PASSED"), "{more:?}: {}", run.stdout);
+        place
+    };
+    let place = check(plan, &["--only", "identity"], 5, "PARTIAL (simulated, selection)  T-1");
+    let list = place.run(["records", "list"]);
+    assert!(list.stdout.starts_with("partial  ") && list.stdout.contains(" simulated selection"), "{}", list.stdout);
+    let events = std::fs::read_to_string(place.runs()[0].join("events.jsonl")).expect("a journal");
+    let end = "\"kind\":\"run_ended\",\"outcome\":null,\"selection_outcome\":\"passed\"}";
+    assert!(events.trim_end().ends_with(end), "{events}");
+    check(plan, &["--only", "cpu"], 1, "FAILED (simulated, selection)  T-1");
+    check(plan, &["--only", "identity", "--loops", "3"], 5, "3 rounds: 3 partial");
+    check(marginal, &[], 0, "MARGINAL (simulated)  T-1");
+    check(marginal, &["--strict"], 6, "MARGINAL (simulated)  T-1");
+    check(marginal, &["--strict", "--only", "identity"], 5, "PARTIAL (simulated, selection)  T-1");
+    check(marginal, &["--strict", "--loops", "2"], 6, "2 rounds: 2 marginal");
 }
 
 /// The failed rows stand at the end again, with what to look at, and the place of the record.
@@ -130,7 +161,7 @@ fn a_seed_repeats_a_run() {
     let values = |seed: &str| {
         let place = Place::new(STATION);
         let run = place.functional("--sim", &["--sim-speed", "max", "--only", "imu", "--seed", seed]);
-        assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+        assert_eq!(run.code, PARTIAL, "{}{}", run.stdout, run.stderr);
         let record = place.record();
         let imu = record["items"].as_array().into_iter().flatten().find(|item| item["id"] == "imu").expect("imu");
         imu["attempts"][0]["measurements"].to_string()

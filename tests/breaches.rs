@@ -54,7 +54,7 @@ fn good_module((keys, rs422, can): &Breach, link: Link) -> Option<String> {
     let ran = run(&case("good", link, keys), Over::Memory, None);
     let named = sections(&ran);
     let missing: Vec<&u8> = expected.iter().filter(|section| !named.contains(section)).collect();
-    let outcome = match ran.outcome {
+    let outcome = match ran.outcome() {
         Some(outcome) if outcome.is_good() => Some(Verdict::Passed),
         Some(Outcome::Errored) => Some(Verdict::Errored),
         _ => None,
@@ -63,17 +63,17 @@ fn good_module((keys, rs422, can): &Breach, link: Link) -> Option<String> {
     let untrue = expected.is_empty() && *verdict == Verdict::Passed && !named.is_empty();
     let wrong = outcome != Some(*verdict) || !missing.is_empty() || untrue || !failed(&ran).is_empty();
     wrong.then(|| {
-        format!("{link:?} {}: {:?}, missing {missing:?}\n{}", keys.replace('\n', " "), ran.outcome, told(&ran))
+        format!("{link:?} {}: {:?}, missing {missing:?}\n{}", keys.replace('\n', " "), ran.outcome(), told(&ran))
     })
 }
 
 /// Runs a breach with a module that fails one item; returns what is wrong.
 fn bad_module((board, item): (&'static str, &str), (keys, ..): &Breach, link: Link) -> Option<String> {
     let ran = run(&case(board, link, keys), Over::Memory, None);
-    let passed = ran.outcome.is_none_or(Outcome::is_good);
+    let passed = ran.outcome().is_none_or(Outcome::is_good);
     let others = failed(&ran).iter().any(|failed| *failed != item) && !looks_like_a_bad_sensor(keys, link);
     (passed || others)
-        .then(|| format!("{board} {link:?} {}: {:?}\n{}", keys.replace('\n', " "), ran.outcome, told(&ran)))
+        .then(|| format!("{board} {link:?} {}: {:?}\n{}", keys.replace('\n', " "), ran.outcome(), told(&ran)))
 }
 
 fn all_hold(wrong: &[String]) {
@@ -113,15 +113,15 @@ fn a_short_is_failed_at_power_on() {
     for keys in ["over_current_at_power_on = true", "[reboot]\non = \"power\"\nafter_ms = 5.0"] {
         for link in [Link::Rs422, Link::Can] {
             let ran = run(&case("good", link, keys), Over::Memory, None);
-            assert_eq!(ran.outcome, Some(Outcome::Failed), "{keys}: {}", told(&ran));
+            assert_eq!(ran.outcome(), Some(Outcome::Failed), "{keys}: {}", told(&ran));
         }
     }
     let shorted = "over_current_at_power_on = true\n";
     let mut failed = 0;
     for (keys, ..) in BREACHES {
         let ran = run(&case("good", Link::Rs422, &format!("{shorted}{keys}")), Over::Memory, None);
-        assert!(ran.outcome.is_some_and(|outcome| !outcome.is_good()), "{keys}: {}", told(&ran));
-        failed += u32::from(ran.outcome == Some(Outcome::Failed));
+        assert!(ran.outcome().is_some_and(|outcome| !outcome.is_good()), "{keys}: {}", told(&ran));
+        failed += u32::from(ran.outcome() == Some(Outcome::Failed));
     }
     assert!(failed * 4 > BREACHES.len() as u32 * 3, "only {failed} shorts were failed");
 }
@@ -131,7 +131,7 @@ fn a_short_is_failed_at_power_on() {
 fn nothing_is_said_of_a_board_that_keeps_the_document() {
     for link in [Link::Rs422, Link::Can] {
         let ran = run(&case("good", link, ""), Over::Memory, None);
-        assert_eq!((ran.outcome, sections(&ran)), (Some(Outcome::Passed), Vec::new()), "{}", told(&ran));
+        assert_eq!((ran.outcome(), sections(&ran)), (Some(Outcome::Passed), Vec::new()), "{}", told(&ran));
     }
 }
 
@@ -153,7 +153,7 @@ fn a_restart_that_keeps_the_boot_id_is_a_restart() {
     let board = "keeps_boot_id = true\n[reboot]\non = \"sdram\"\nnth = 1\nafter_ms = 5.0";
     for link in [Link::Rs422, Link::Can] {
         let ran = run(&case("good", link, board), Over::Memory, None);
-        assert_eq!((ran.outcome, failed(&ran)), (Some(Outcome::Failed), vec!["sdram"]), "{}", told(&ran));
+        assert_eq!((ran.outcome(), failed(&ran)), (Some(Outcome::Failed), vec!["sdram"]), "{}", told(&ran));
         assert!(sections(&ran).contains(&6), "{}", told(&ran));
     }
 }
@@ -247,7 +247,7 @@ fn each_fault_of_a_board_has_words_of_its_own() {
     for (name, keys) in boards {
         for link in [Link::Rs422, Link::Can] {
             let ran = run(&case("good", link, keys), Over::Memory, None);
-            let outcome = ran.outcome.map_or_else(|| "no outcome".to_owned(), |outcome| outcome.to_string());
+            let outcome = ran.outcome().map_or_else(|| "no outcome".to_owned(), |outcome| outcome.to_string());
             page += &format!("{name}, {}: {outcome}\n{}\n", format!("{link:?}").to_lowercase(), told(&ran));
         }
     }

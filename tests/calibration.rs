@@ -10,7 +10,7 @@ use std::process::Stdio;
 use gnc_analysis::capture::Pose;
 use gnc_records::raw::{self, RawRecord};
 use gnc_rig::Along;
-use gnc_tests::{Place, Run, bad_items, read_json, repository};
+use gnc_tests::{PARTIAL, Place, Run, bad_items, read_json, repository};
 use serde_json::Value;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
@@ -323,7 +323,7 @@ fn a_run_that_broke_off_goes_on() {
 
     let resume = ["--sim-speed", "max", "--resume", broken.to_str().expect("UTF-8")];
     let ended = place.run(args.into_iter().chain(resume));
-    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    assert_eq!(ended.code, PARTIAL, "{}{}", ended.stdout, ended.stderr);
     // What is taken over is said before the item ends, with what is left.
     let name = broken.file_name().expect("a name").to_str().expect("UTF-8");
     assert!(
@@ -388,14 +388,14 @@ fn only_a_run_that_broke_off_is_taken_up() {
     let sim = ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "C-1"];
     let chosen = || sim.into_iter().chain(["--only", "six-position"]);
     let ended = place.run(chosen());
-    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    assert_eq!(ended.code, PARTIAL, "{}{}", ended.stdout, ended.stderr);
     let run = place.runs().remove(0);
     let resume = ["--resume", run.to_str().expect("UTF-8")];
     let refused = |told: Run, why: &str| {
         assert!(told.code == Some(2) && told.stderr.contains(why), "{:?}{}", told.code, told.stderr);
         assert_eq!(place.runs().len(), 1, "nothing is run");
     };
-    refused(place.run(chosen().chain(resume)), "the run to resume was not interrupted: its outcome is passed");
+    refused(place.run(chosen().chain(resume)), "the run to resume was not interrupted: its outcome is partial");
     let whole = "had the selection six-position, this run has none (the whole plan)";
     refused(place.run(sim.into_iter().chain(resume)), whole);
 

@@ -124,6 +124,6 @@ fn bench_files_with_can() {
         // If the kernel supports CAN the interface is missing, otherwise CAN itself.
         let said = |word: &str| run.stdout.contains(word) || run.stdout.contains("ip -br link");
         assert!(words.iter().all(|word| said(word)), "{port}: {}", run.stdout);
-        assert_eq!(place.record()["outcome"], "errored", "{port}");
+        assert_eq!(place.record()["selection_outcome"], "errored", "{port}");
     }
 }

@@ -4,7 +4,7 @@
 
 use std::process::{Command, Stdio};
 
-use gnc_tests::{Board, Place, Run, functional_plan};
+use gnc_tests::{Board, PARTIAL, Place, Run, functional_plan};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
@@ -82,7 +82,7 @@ fn a_run_is_not_disturbed() {
     }
     let doctor = examined(&place);
     std::io::copy(&mut events, &mut std::io::sink()).expect("the rest");
-    assert_eq!(run.wait().expect("its end").code(), Some(0), "the run was disturbed");
+    assert_eq!(run.wait().expect("its end").code(), PARTIAL, "the run was disturbed");
     line(&doctor, "warning", &format!("is in use by station-under-t (process {})", run.id()));
     line(&doctor, "warning", "the board was not asked");
 }

@@ -10,7 +10,7 @@ use std::process::{Child, ChildStdout, Stdio};
 use std::time::Instant;
 
 use gnc_records::store::{captures, chain, reader};
-use gnc_tests::{Board, Place, functional_plan, read_json, repository};
+use gnc_tests::{Board, PARTIAL, Place, functional_plan, read_json, repository};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::inotify::{AddWatchFlags, InitFlags, Inotify};
 use nix::sys::signal::{Signal, kill};
@@ -115,14 +115,14 @@ fn a_killed_run_is_sealed_by_the_next_start() {
     assert!(!reader::verify(&killed).is_empty(), "it cannot be verified yet");
 
     let (code, _) = Running::start(&place, &["--only", "identity"]).end();
-    assert_eq!(code, Some(0));
+    assert_eq!(code, PARTIAL);
     let runs = place.runs();
     assert_eq!(runs.len(), 2, "{runs:?}");
     let said = log(&runs[1]);
     assert!(said.contains("was interrupted during sdram") && said.contains("test SIM-0001 again"), "{said}");
     assert_eq!(reader::verify(&killed), Vec::<String>::new());
     let record = read_json(&killed.join("run.json"));
-    assert_eq!((record["interrupted"].as_bool(), record["outcome"].as_str()), (Some(true), Some("aborted")));
+    assert_eq!((record["interrupted"].as_bool(), record["selection_outcome"].as_str()), (Some(true), Some("aborted")));
     let checked = chain::verify(&place.path().join("records")).expect("a chain");
     assert_eq!((checked.runs, checked.problems), (2, Vec::new()));
     let list = place.run(["records", "list"]).stdout;
@@ -130,7 +130,7 @@ fn a_killed_run_is_sealed_by_the_next_start() {
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 
     // The message comes only once.
-    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
+    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, PARTIAL);
     assert!(!log(&place.runs()[2]).contains("was interrupted"));
 }
 
@@ -144,7 +144,7 @@ fn a_sealed_run_that_missed_the_chain_is_put_into_it() {
     running.signal(Signal::SIGKILL);
     assert_eq!(running.end().0, None);
     let start = || Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0;
-    assert_eq!(start(), Some(0));
+    assert_eq!(start(), PARTIAL);
     let runs = place.runs();
     let (killed, ended) = (&runs[0], &runs[1]);
     let records = place.path().join("records");
@@ -155,7 +155,7 @@ fn a_sealed_run_that_missed_the_chain_is_put_into_it() {
     };
     without_chain();
     fs::remove_dir_all(ended).expect("a run");
-    assert_eq!(start(), Some(0));
+    assert_eq!(start(), PARTIAL);
     let said = log(&place.runs()[1]);
     assert!(said.contains("was interrupted while the station sealed it; the sealing is complete now"), "{said}");
     let checked = chain::verify(&records).expect("a chain");
@@ -163,7 +163,7 @@ fn a_sealed_run_that_missed_the_chain_is_put_into_it() {
     assert_eq!(reader::verify(killed), Vec::<String>::new());
 
     without_chain();
-    assert_eq!(start(), Some(0));
+    assert_eq!(start(), PARTIAL);
     let problems = chain::verify(&records).expect("a chain").problems;
     assert!(problems.len() == 1 && problems[0].contains("was not closed by a station"), "{problems:?}");
 }
@@ -186,7 +186,7 @@ fn a_raw_file_that_a_kill_cut_off_gets_its_end() {
     let original = fs::read(&cut).expect("turns");
     assert!(captures::read(&cut).expect("it is read as far as it goes").cut_off);
 
-    assert_eq!(Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0, Some(0));
+    assert_eq!(Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0, PARTIAL);
     let said = log(&place.runs()[1]);
     assert!(said.contains("02-rotation/attempt-1.mcap was cut off and has its end now"), "{said}");
     assert_eq!(reader::verify(&killed), Vec::<String>::new());
@@ -219,14 +219,14 @@ fn a_run_that_goes_on_is_not_sealed() {
     let place = Place::new(STATION);
     let mut long = Running::start(&place, &["--sim", "--only", "identity,sdram"]);
     long.until(r#""kind":"item_started","item":"sdram""#);
-    assert_eq!(Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0, Some(0));
+    assert_eq!(Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0, PARTIAL);
     let runs = place.runs();
     assert!(!runs[0].join("SHA256SUMS").exists(), "it goes on");
     assert!(!log(&runs[1]).contains("interrupted"));
     let run = runs[0].to_str().expect("UTF-8");
     let (code, said) = Running::start(&place, &["--sim", "--resume", run]).end();
     assert!(code == Some(2) && said.contains("the run to resume is still running"), "{code:?}: {said}");
-    assert_eq!(long.end().0, Some(0));
+    assert_eq!(long.end().0, PARTIAL);
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
 
@@ -235,10 +235,10 @@ fn a_run_that_goes_on_is_not_sealed() {
 fn a_run_that_ended_and_was_not_closed_stays_unsealed() {
     let place = Place::new(STATION);
     let one = || Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0;
-    assert_eq!(one(), Some(0));
+    assert_eq!(one(), PARTIAL);
     let run = place.runs().pop().expect("a run");
     fs::remove_file(run.join("SHA256SUMS")).expect("digests");
-    assert_eq!(one(), Some(0));
+    assert_eq!(one(), PARTIAL);
     assert!(!run.join("SHA256SUMS").exists());
 }
 
@@ -253,7 +253,7 @@ fn a_computer_that_stood_still_charges_nobody() {
     running.signal(Signal::SIGSTOP);
     until_safe(&mut board);
     running.signal(Signal::SIGCONT);
-    assert_eq!(running.end().0, Some(0), "{}", log(&place.runs()[0]));
+    assert_eq!(running.end().0, PARTIAL, "{}", log(&place.runs()[0]));
     let items = place.record()["items"].clone();
     let sdram = items.as_array().into_iter().flatten().find(|item| item["id"] == "sdram").expect("sdram");
     let outcomes: Vec<_> = sdram["attempts"].as_array().into_iter().flatten().map(|one| &one["outcome"]).collect();
@@ -272,7 +272,7 @@ fn records_that_are_removed_end_the_run_as_errored() {
     assert_eq!(code, Some(3), "{complaint}");
     assert!(complaint.contains("its record could not be written"), "{complaint}");
     until_safe(&mut board);
-    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
+    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, PARTIAL);
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
 
@@ -286,7 +286,7 @@ fn a_run_is_signed_where_the_bench_names_a_key() {
     assert_eq!(place.run(["records", "key", "station.key"]).code, Some(2), "never written over");
     let bench = fs::read_to_string(place.path().join("bench.toml")).expect("a bench file");
     place.write("bench.toml", &bench.replace("id = \"ends\"\n", "id = \"ends\"\nkey = \"station.key\"\n"));
-    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, Some(0));
+    assert_eq!(Running::start(&place, &["--only", "identity"]).end().0, PARTIAL);
     let verify = || place.run(["records", "verify", "--key", "station.key.pub"]);
     assert_eq!(verify().code, Some(0), "{}", verify().stdout);
 

@@ -7,7 +7,7 @@
 use std::io::{BufRead as _, BufReader};
 use std::process::{Command, Stdio};
 
-use gnc_tests::{Board, Place, functional_plan};
+use gnc_tests::{Board, PARTIAL, Place, functional_plan};
 use insta::assert_snapshot;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
@@ -58,7 +58,7 @@ fn a_serial_number_is_never_a_path() {
             "io",
             &serial,
         ]);
-        assert_eq!(run.code, Some(0), "{serial_number}: {}{}", run.stdout, run.stderr);
+        assert_eq!(run.code, PARTIAL, "{serial_number}: {}{}", run.stdout, run.stderr);
         let entries: Vec<_> = std::fs::read_dir(place.path()).expect("a folder").flatten().collect();
         assert_eq!(entries.len(), 1, "only records/: {entries:?}");
         assert_eq!(place.record()["serial_number"], serial_number);
@@ -136,7 +136,7 @@ fn two_stations_do_not_share_a_port() {
     let holder = format!("(process {})", first.id());
     assert!(second.stdout.contains("is in use by") && second.stdout.contains(&holder), "{}", second.stdout);
     events.for_each(drop);
-    assert_eq!(first.wait().expect("its end").code(), Some(0));
+    assert_eq!(first.wait().expect("its end").code(), PARTIAL);
 }
 
 /// A device that sends garbage behind the port is not a board: the run is errored within bounds, and says so.
@@ -153,5 +153,5 @@ fn babble_behind_the_port_is_no_board() {
     babbler.wait().expect("its end");
     assert_eq!(run.code, Some(3), "{}{}", run.stdout, run.stderr);
     assert!(run.stdout.contains("the line carries bytes but no whole frame"), "{}", run.stdout);
-    assert_eq!(place.record()["outcome"], "errored");
+    assert_eq!(place.record()["selection_outcome"], "errored");
 }

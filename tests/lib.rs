@@ -13,6 +13,9 @@ use tempfile::TempDir;
 
 pub use board::Board;
 
+/// Exit code of a run of chosen items that are good: no pass of the module.
+pub const PARTIAL: Option<i32> = Some(5);
+
 /// The functional plan of the repository.
 #[must_use]
 pub fn functional_plan() -> PathBuf {

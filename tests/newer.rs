@@ -1,4 +1,5 @@
-//! Records of a later version of the station: this version does not call them damaged, and does not judge them.
+//! Records of other versions of the station. Those of a later version are not called damaged and not judged; those of
+//! an earlier version mean today what they are.
 
 #![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
 
@@ -6,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use gnc_records::store::{digest, reader};
-use gnc_tests::{Place, Run};
+use gnc_tests::{PARTIAL, Place, Run};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 
@@ -26,7 +27,12 @@ fn recorded() -> Place {
 
 /// Changes the journal like a later version, and updates its digest.
 fn rewrite(folder: &Path, change: impl Fn(&str) -> String) {
-    let (journal, sums) = (folder.join("events.jsonl"), folder.join("SHA256SUMS"));
+    rewrite_file(folder, "events.jsonl", change);
+}
+
+/// Changes a file of a run, and updates its digest.
+fn rewrite_file(folder: &Path, file: &str, change: impl Fn(&str) -> String) {
+    let (journal, sums) = (folder.join(file), folder.join("SHA256SUMS"));
     let before = digest::of_file(&journal).expect("a digest");
     let text = fs::read_to_string(&journal).expect("a journal");
     fs::write(&journal, change(&text)).expect("writable");
@@ -92,9 +98,9 @@ fn an_older_pass_does_not_stand_for_a_newer_run() {
 fn digests_vouch_for_a_newer_run() {
     let place = recorded();
     let folder = place.runs().remove(0);
-    rewrite(&folder, |text| text.replace("gnc-events/1", "gnc-events/2"));
+    rewrite(&folder, |text| text.replace("gnc-events/1", "gnc-events/3"));
     let run = folder.to_str().expect("UTF-8");
-    let told = "written by a newer version of the station (schema `gnc-events/2`)";
+    let told = "written by a newer version of the station (schema `gnc-events/3`)";
     let verified = place.run(["records", "verify", run]);
     assert_eq!(verified.code, Some(2), "{}{}", verified.stdout, verified.stderr);
     assert!(verified.stdout.contains(&format!("{told}: its digests agree")), "{}", verified.stdout);
@@ -138,4 +144,37 @@ fn damage_stays_damage() {
     assert_eq!(verified.code, Some(1), "{}{}", verified.stdout, verified.stderr);
     let list = place.run(["records", "list"]);
     assert!(list.stdout.starts_with("unreadable  the journal is damaged: line "), "{}", list.stdout);
+}
+
+/// An earlier version filed the outcome of chosen items as that of the module. Such a record is as it was written, and no
+/// face calls it a pass.
+#[test]
+fn a_selection_of_an_earlier_version_is_no_pass() {
+    let place = Place::new(STATION);
+    place.write("p.toml", PLAN);
+    let run = place.run(ARGS.into_iter().chain(["N-1", "--only", "six-position"]));
+    assert_eq!(run.code, PARTIAL, "{}{}", run.stdout, run.stderr);
+    let folder = place.runs().remove(0);
+    let (before, after) = ("\"outcome\":null,\"selection_outcome\":\"passed\"", "\"outcome\":\"passed\"");
+    rewrite(&folder, |text| text.replacen(before, after, 1).replacen("gnc-events/2", "gnc-events/1", 1));
+    let (before, after) = ("\"outcome\": null,\n  \"selection_outcome\": \"passed\"", "\"outcome\": \"passed\"");
+    rewrite_file(&folder, "run.json", |text| text.replacen(before, after, 1));
+    for file in ["events.jsonl", "run.json"] {
+        let text = fs::read_to_string(folder.join(file)).expect("a file");
+        assert!(!text.contains("selection_outcome") && text.contains("six-position"), "{file}");
+    }
+    let run = folder.to_str().expect("UTF-8");
+    let verified = place.run(["records", "verify", run]);
+    assert_eq!(verified.code, Some(0), "{}{}", verified.stdout, verified.stderr);
+    let list = place.run(["records", "list"]);
+    assert!(list.stdout.starts_with("partial  ") && list.stdout.contains("selection"), "{}", list.stdout);
+    let shown = place.run(["records", "show", run]);
+    assert!(shown.stdout.contains("PARTIAL (simulated, selection)"), "{}", shown.stdout);
+    let again = place.run(["recompute", run]);
+    assert!(
+        again.code == Some(0) && again.stdout.contains("the same, bit for bit"),
+        "{}{}",
+        again.stdout,
+        again.stderr
+    );
 }

@@ -47,7 +47,7 @@ fn check(receiver: &Path) -> Option<String> {
     let context = format!("{name}\n{}{}", run.stdout, run.stderr);
     let mut figures = expected.figures.clone();
     figures.sort();
-    let (outcome, found) = (&record["outcome"], failed(&record, "gnss"));
+    let (outcome, found) = (&record["selection_outcome"], failed(&record, "gnss"));
     let right = *outcome == expected.outcome.as_str() && found == figures;
     (!right).then(|| format!("{context}\n{outcome} {found:?} should be {} {figures:?}\n", expected.outcome.as_str()))
 }

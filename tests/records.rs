@@ -12,7 +12,7 @@ use gnc_executive::event::Event;
 use gnc_executive::journal;
 use gnc_executive::state::RunState;
 use gnc_records::store::reader;
-use gnc_tests::{Place, functional_plan, read_json};
+use gnc_tests::{PARTIAL, Place, functional_plan, read_json};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use rand::{RngExt as _, SeedableRng as _};
@@ -82,7 +82,7 @@ fn chrono_like(text: &str, pattern: &str) -> bool {
 #[test]
 fn verify_finds_what_was_changed() {
     let place = Place::new(STATION);
-    assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "identity,cpu"]).code, Some(0));
+    assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "identity,cpu"]).code, PARTIAL);
     let folder = &place.runs()[0];
     let whole = |file: &str| fs::read(folder.join(file)).expect(file);
     type Spoil = fn(&Path);
@@ -178,7 +178,7 @@ fn killed_after(moment: usize) {
     assert_eq!(list.code, Some(0), "{}", list.stderr);
     // The last event may not have reached the disk before the kill.
     let sealed = folder.join("SHA256SUMS").exists();
-    let expected = match state.outcome() {
+    let expected = match state.verdict() {
         None => "interrupted",
         Some(_) if !sealed => "unsealed",
         Some(_) => "passed",
@@ -193,7 +193,7 @@ fn killed_after(moment: usize) {
 #[test]
 fn a_journal_cut_anywhere_is_read_up_to_its_last_whole_event() {
     let place = Place::new(STATION);
-    assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "io"]).code, Some(0));
+    assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "io"]).code, PARTIAL);
     let path = place.runs()[0].join("events.jsonl");
     let whole = fs::read(&path).expect("a journal");
     let ends: Vec<usize> = (0..whole.len()).filter(|at| whole[*at] == b'\n').collect();
@@ -302,13 +302,14 @@ fn a_write_that_fails_in_mid_run_turns_the_outcome_to_errored() {
 fn runs_in_one_second_do_not_share_a_folder() {
     let place = Place::new(STATION);
     let run = place.functional("--sim", &["--sim-speed", "max", "--only", "io", "--loops", "3"]);
-    assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+    assert_eq!(run.code, PARTIAL, "{}{}", run.stdout, run.stderr);
     let runs = place.runs();
     assert_eq!(runs.len(), 3, "{runs:?}");
     for (index, run) in runs.iter().enumerate() {
         let record = read_json(&run.join("run.json"));
         assert_eq!(record["loop"]["index"], index + 1);
         assert_eq!(record["selection"][0], "io");
+        assert_eq!((record["outcome"].as_str(), record["selection_outcome"].as_str()), (None, Some("passed")));
     }
 }
 
@@ -332,7 +333,7 @@ fn a_run_cut_off_at_its_very_start_is_listed() {
 #[test]
 fn a_run_is_found_by_its_serial_number() {
     let place = Place::new(STATION);
-    assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "cpu"]).code, Some(0));
+    assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "cpu"]).code, PARTIAL);
     let record = fs::read_to_string(place.runs()[0].join("run.json")).expect("run.json");
     let record: serde_json::Value = serde_json::from_str(&record).expect("JSON");
     let serial_number = record["serial_number"].as_str().expect("a text");
@@ -354,7 +355,7 @@ fn a_run_is_found_by_its_serial_number() {
 fn a_run_that_was_taken_away_is_missed() {
     let place = Place::new(STATION);
     for _ in 0..2 {
-        assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "cpu"]).code, Some(0));
+        assert_eq!(place.functional("--sim", &["--sim-speed", "max", "--only", "cpu"]).code, PARTIAL);
     }
     let run = place.run(["records", "verify"]);
     assert!(run.stdout.contains("the chain of 2 closed runs is whole"), "{}", run.stdout);

@@ -71,8 +71,8 @@ fn run(job: &Job, seed: usize) {
                 apply(&mut state, EventKind::ItemEnded { item, outcome, cause: Some(cause) });
             }
             Next::Wait => panic!("nothing runs, and yet it waits"),
-            Next::Done { outcome } => {
-                apply(&mut state, EventKind::RunEnded { outcome });
+            Next::Done { verdict } => {
+                apply(&mut state, EventKind::RunEnded(verdict));
                 assert!(state.rows().iter().all(|row| row.is_over()));
                 let _ = job.critical_path(&|position| Some(position as f64));
                 return;

@@ -48,7 +48,7 @@ impl RunJournal {
     /// # Errors
     /// [`StoreError`] when this or an earlier event could not be written.
     pub async fn emit(&self, kind: EventKind) -> Result<(), StoreError> {
-        let must_be_on_disk = matches!(kind, EventKind::ItemEnded { .. } | EventKind::RunEnded { .. });
+        let must_be_on_disk = matches!(kind, EventKind::ItemEnded { .. } | EventKind::RunEnded(_));
         // First a place, then the number: a caller that is dropped while it waits takes no number, and events reach the
         // record in the order of their numbers.
         let place = self.writer.place().await?;

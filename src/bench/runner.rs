@@ -25,6 +25,7 @@ use gnc_executive::job::{Job, Next};
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::plan::PlanItem;
 use gnc_executive::state::RunState;
+use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_protocol::message::ErrorRecord;
@@ -105,8 +106,8 @@ pub struct Doing {
 /// How a run ended.
 #[derive(Debug)]
 pub struct Ending {
-    /// Its outcome; errored if the record could not be written, whatever the items said.
-    pub outcome: Outcome,
+    /// Its verdict; errored if the record could not be written, whatever the items said.
+    pub verdict: Verdict,
     /// Why the record could not be written.
     pub store_error: Option<StoreError>,
     /// Whether any item was begun: without a board, the next round would not be better.
@@ -139,8 +140,11 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
     let closed = journal.close().await;
     // If both fail, the error of the writing thread is the cause.
     match closed.and(ended) {
-        Ok(outcome) => Ending { outcome, store_error: None, begun },
-        Err(error) => Ending { outcome: Outcome::Errored, store_error: Some(error), begun },
+        Ok(verdict) => Ending { verdict, store_error: None, begun },
+        Err(error) => {
+            let verdict = Verdict::new(Outcome::Errored, order.job.selection().is_some());
+            Ending { verdict, store_error: Some(error), begun }
+        }
     }
 }
 
@@ -201,7 +205,7 @@ impl Run<'_> {
         self.on_board.get().unwrap_or(&self.order.job)
     }
 
-    async fn whole(&self) -> Result<Outcome, StoreError> {
+    async fn whole(&self) -> Result<Verdict, StoreError> {
         let header = Box::new(self.order.header.clone());
         self.journal.emit(EventKind::RunStarted { header, items: self.job().planned() }).await?;
         for found in &self.order.found {
@@ -216,22 +220,22 @@ impl Run<'_> {
             Ok(body) => body?,
             Err(asked) => self.end_at_once(asked).await?,
         }
-        let mut outcome = self.journal.look(RunState::outcome_so_far);
+        let mut verdict = self.journal.look(RunState::verdict_so_far);
         if self.unexplained_restart.get() {
             // Something in this module or this bench restarts the board now and then: that must not pass.
             let text = "the board restarted, and the station could not find the item that caused it, so the module cannot be judged; \
                         run the plan again with --one-by-one";
             self.note(NoteLevel::Error, text.into(), None).await?;
-            outcome = Outcome::worst([outcome, Outcome::Errored]).unwrap_or(outcome);
+            verdict = verdict.at_least(Outcome::Errored);
         }
-        if self.cannot_be_powered.get() && outcome != Outcome::Aborted {
+        if self.cannot_be_powered.get() && verdict.of_items() != Outcome::Aborted {
             // Items that were not run are no reason to doubt.
-            outcome = Outcome::Failed;
+            verdict = Verdict::new(Outcome::Failed, self.order.job.selection().is_some());
         }
         // The digests cover complete files only.
         self.journal.raw_files_ended().await;
-        self.journal.emit(EventKind::RunEnded { outcome }).await?;
-        Ok(outcome)
+        self.journal.emit(EventKind::RunEnded(verdict)).await?;
+        Ok(verdict)
     }
 
     /// Everything but the first and the last event. Teardown is always reached, even if the record fails.

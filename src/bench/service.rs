@@ -14,10 +14,11 @@ use std::time::Duration;
 use chrono::{DateTime, FixedOffset, Local};
 use gnc_config::Mistakes;
 use gnc_executive::bench::BenchSite;
-use gnc_executive::event::{BenchInfo, EVENTS_SCHEMA, Loop, ProgramVersion, RunHeader};
+use gnc_executive::event::{BenchInfo, Loop, ProgramVersion, RunHeader, events_schema};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
+use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::resume::{Like, ResumeError, Resumed};
@@ -157,17 +158,17 @@ impl ServiceError {
 /// How the rounds ended.
 #[derive(Debug)]
 pub struct RunsDone {
-    /// The outcome of each round; there is at least one. A round that could not be begun is errored.
-    pub outcomes: Vec<Outcome>,
+    /// The verdict of each round; there is at least one. A round that could not be begun is errored.
+    pub verdicts: Vec<Verdict>,
     /// Why the last round was not begun.
     pub refused: Option<ServiceError>,
 }
 
 impl RunsDone {
-    /// The worst outcome.
+    /// The worst verdict.
     #[must_use]
-    pub fn outcome(&self) -> Outcome {
-        Outcome::worst(self.outcomes.iter().copied()).unwrap_or(Outcome::Errored)
+    pub fn verdict(&self) -> Verdict {
+        Verdict::worst(self.verdicts.iter().copied()).unwrap_or(Verdict::Module(Outcome::Errored))
     }
 }
 
@@ -188,26 +189,26 @@ pub async fn run(
     let rounds = if request.resume.is_some() { Rounds::Once } else { request.rounds };
     let mut ready = Ready::open(request, equipment)?;
     let began = Instant::now();
-    let mut outcomes = Vec::new();
+    let mut verdicts = Vec::new();
     for round in 1.. {
         ready.order.header.looped = rounds.looped(round);
         let ending = match ready.round(request.began, control, live, observer).await {
             Ok(ending) => ending,
-            Err(refused) if outcomes.is_empty() => return Err(refused),
+            Err(refused) if verdicts.is_empty() => return Err(refused),
             Err(refused) => {
-                outcomes.push(Outcome::Errored);
-                return Ok(RunsDone { outcomes, refused: Some(refused) });
+                verdicts.push(Verdict::new(Outcome::Errored, request.selection.is_some()));
+                return Ok(RunsDone { verdicts, refused: Some(refused) });
             }
         };
-        outcomes.push(ending.outcome);
-        let bad = !ending.outcome.is_good() && request.on_fail == Some(OnFail::Stop);
+        verdicts.push(ending.verdict);
+        let bad = !ending.verdict.of_items().is_good() && request.on_fail == Some(OnFail::Stop);
         let stopped = control.asked().times > 0;
         let unrecorded = ending.store_error.is_some();
         if rounds.are_over(round, began.elapsed()) || bad || stopped || unrecorded || !ending.begun {
             break;
         }
     }
-    Ok(RunsDone { outcomes, refused: None })
+    Ok(RunsDone { verdicts, refused: None })
 }
 
 /// The parts that stay the same from round to round.
@@ -226,7 +227,7 @@ impl Ready {
         }
         let job = Job::new(plan, abilities, request.selection.as_deref())?;
         let mut header = RunHeader {
-            schema: EVENTS_SCHEMA.to_owned(),
+            schema: events_schema(request.selection.as_deref()).to_owned(),
             serial_number: request.serial_number.clone(),
             operator: request.operator.clone(),
             station,

@@ -12,10 +12,20 @@ use crate::details::Details;
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
 use crate::plan::Phase;
+use crate::verdict::Verdict;
 
-/// Version of the events' form. A program that reads a journal compares it first, with [`crate::journal::fold`]. A
-/// later form has a higher number.
+/// Version of the events' form for a run of a whole plan. A program that reads a journal compares it first, with
+/// [`crate::journal::fold`]. A later form has a higher number.
 pub const EVENTS_SCHEMA: &str = "gnc-events/1";
+
+/// Version of the events' form for a run of chosen items: its `run_ended` has no `outcome`, but a `selection_outcome`.
+/// Runs of a whole plan keep the form that earlier versions of the station read.
+pub const SELECTION_SCHEMA: &str = "gnc-events/2";
+
+/// The version of the events' form that a run needs, by its chosen items.
+pub fn events_schema(selection: Option<&[String]>) -> &'static str {
+    if selection.is_some() { SELECTION_SCHEMA } else { EVENTS_SCHEMA }
+}
 
 /// One event, one line of a journal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -155,16 +165,13 @@ pub enum EventKind {
         by: String,
     },
     /// The run ended.
-    RunEnded {
-        /// How it ended.
-        outcome: Outcome,
-    },
+    RunEnded(Verdict),
 }
 
 /// Who tests what, where, with what.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunHeader {
-    /// [`EVENTS_SCHEMA`].
+    /// [`EVENTS_SCHEMA`] or [`SELECTION_SCHEMA`].
     pub schema: String,
     /// The scanned serial number, as scanned: it may hold anything.
     pub serial_number: String,
@@ -449,7 +456,7 @@ impl EventKind {
             EventKind::Answered { .. } => "answered",
             EventKind::Note { .. } => "note",
             EventKind::StopRequested { .. } => "stop_requested",
-            EventKind::RunEnded { .. } => "run_ended",
+            EventKind::RunEnded(_) => "run_ended",
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::event::{PlannedItem, StopHow};
 use crate::outcome::{Cause, Outcome};
 use crate::plan::{OnFail, Phase, Plan, PlanItem};
 use crate::state::{Attempt, Row, RunState};
+use crate::verdict::Verdict;
 
 /// The abilities of a bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,8 +125,8 @@ pub enum Next {
     Wait,
     /// All items are over: the run ends with this outcome.
     Done {
-        /// Outcome of the run.
-        outcome: Outcome,
+        /// How the run ends.
+        verdict: Verdict,
     },
 }
 
@@ -304,7 +305,7 @@ impl Job {
         if current.is_some() || state.in_flight() > 0 {
             return Next::Wait;
         }
-        Next::Done { outcome: state.outcome_so_far() }
+        Next::Done { verdict: state.verdict_so_far() }
     }
 
     /// Items that are selected and have not ended.

@@ -10,7 +10,7 @@
 
 mod newer;
 
-use crate::event::{EVENTS_SCHEMA, Event, EventKind};
+use crate::event::{EVENTS_SCHEMA, Event, EventKind, SELECTION_SCHEMA};
 use crate::state::{OutOfOrder, RunState};
 
 pub use newer::Unknown;
@@ -47,7 +47,7 @@ pub enum JournalError {
     },
     /// The first event names a schema that no version of the station has.
     #[error(
-        "line {line} of the journal has the schema {}, and this program reads {EVENTS_SCHEMA}",
+        "line {line} of the journal has the schema {}, and this program reads {EVENTS_SCHEMA} and {SELECTION_SCHEMA}",
         gnc_text::quoted(schema)
     )]
     OtherSchema {
@@ -96,7 +96,7 @@ pub fn fold(bytes: &[u8]) -> Result<StoredJournal, JournalError> {
             },
         };
         if let EventKind::RunStarted { header, .. } = &event.kind
-            && header.schema != EVENTS_SCHEMA
+            && ![EVENTS_SCHEMA, SELECTION_SCHEMA].contains(&header.schema.as_str())
         {
             let schema = header.schema.clone();
             return Err(match newer::schema(&schema) {

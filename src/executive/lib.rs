@@ -25,6 +25,7 @@ pub mod record;
 pub mod state;
 pub mod text;
 pub mod uncertainty;
+pub mod verdict;
 
 #[cfg(test)]
 mod test_run;

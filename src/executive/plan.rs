@@ -9,6 +9,8 @@
 //! description = "what it is for"
 //! on_fail = "continue"               # or "stop": skip the rest after the first item that is not good
 //! include = ["other.toml"]           # items of other plans, run before those of this one
+//! requires_plan = ["incoming"]       # plans that the module must have passed before this one
+//! valid_days = 30                    # days for which a pass counts, of this plan and of those that it requires
 //!
 //! [[item]]
 //! id = "imu"                         # required; an item of the catalogue
@@ -66,6 +68,15 @@ pub(crate) const MAX_INCLUDE_DEPTH: usize = 8;
 /// Largest number of items of a plan. Time and memory are measured with this number, and real plans have far fewer.
 pub(crate) const MAX_ITEMS: usize = 20_000;
 
+/// Days for which a pass counts if the plan does not say: a module stays on the shelf of a line for weeks, not months.
+pub const DEFAULT_VALID_DAYS: u32 = 30;
+
+/// Most days for which a pass may count: ten years, longer than any product waits.
+pub(crate) const MAX_VALID_DAYS: i64 = 3653;
+
+/// Most plans that a plan may require. Each is looked up in the records before a run.
+pub(crate) const MAX_REQUIRED_PLANS: usize = 16;
+
 /// A checked plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -77,6 +88,10 @@ pub struct Plan {
     pub description: String,
     /// What happens after an item that is not good.
     pub on_fail: OnFail,
+    /// Names of the plans that the module must have passed before.
+    pub requires_plan: Vec<String>,
+    /// Days for which a pass counts.
+    pub valid_days: u32,
     items: Vec<PlanItem>,
     sources: Vec<SourceText>,
 }

@@ -3,7 +3,7 @@
 //! `docs/run.schema.json` describes the form; new versions only add fields.
 
 use chrono::{DateTime, FixedOffset};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::bench::BenchSite;
 use crate::catalogue::ItemId;
@@ -16,17 +16,20 @@ use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
 use crate::plan::Phase;
 use crate::state::{Attempt, Breach, Note, Row, RunState};
+use crate::verdict::Verdict;
 
 /// Version of the record's form.
 pub const RUN_SCHEMA: &str = "gnc-run/1";
 
 /// One run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(remote = "Self")]
 pub struct RunRecord {
     /// [`RUN_SCHEMA`].
     pub schema: String,
-    /// How the run ended; aborted if it is interrupted.
-    pub outcome: Outcome,
+    /// How the run ended, in `outcome` or `selection_outcome`; aborted if it is interrupted.
+    #[serde(flatten)]
+    pub verdict: Verdict,
     /// Whether the run has no end: the station lost its power, or was killed.
     pub interrupted: bool,
     /// The scanned serial number.
@@ -204,7 +207,7 @@ impl RunRecord {
         let interrupted = state.is_interrupted();
         Some(Self {
             schema: RUN_SCHEMA.to_owned(),
-            outcome: state.outcome().unwrap_or(Outcome::Aborted),
+            verdict: state.verdict().unwrap_or(Verdict::new(Outcome::Aborted, state.is_selection())),
             interrupted,
             serial_number: header.serial_number,
             plan: header.plan,
@@ -228,9 +231,27 @@ impl RunRecord {
         })
     }
 
-    /// Whether the record may speak for the module: the bench is real, the plan is whole, and the run has an end.
+    /// Whether the record may speak for the module: the bench is real, the plan is whole, the run has an end, and its
+    /// verdict is the one that was given when the module was measured.
     pub fn is_evidence(&self) -> bool {
-        self.bench.kind == BenchKind::Real && self.selection.is_none() && !self.interrupted
+        let whole = self.selection.is_none() && self.recomputed.is_none() && !self.interrupted;
+        self.bench.kind == BenchKind::Real && whole
+    }
+}
+
+// Earlier versions filed the outcome of a selection as that of a module. The derived code reads the fields, and this
+// code puts the outcome where it belongs.
+impl<'de> Deserialize<'de> for RunRecord {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let mut record = Self::deserialize(deserializer)?;
+        record.verdict = record.verdict.of_selection_if(record.selection.is_some());
+        Ok(record)
+    }
+}
+
+impl Serialize for RunRecord {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Self::serialize(self, serializer)
     }
 }
 

@@ -10,6 +10,7 @@ use crate::event::{
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, ItemEnd, Outcome, run_outcome};
 use crate::plan::Phase;
+use crate::verdict::Verdict;
 
 /// Most notes that the state keeps. A board that sends too many must not fill the memory, and the journal has all
 /// notes.
@@ -44,7 +45,7 @@ pub struct RunState {
     stop: Option<(StopHow, String)>,
     next_seq: u64,
     last: Option<Stamp>,
-    ended: Option<Outcome>,
+    ended: Option<Verdict>,
 }
 
 /// When something happened.
@@ -284,8 +285,9 @@ impl RunState {
         self.last
     }
 
-    /// The outcome of the run; `None` before `run_ended`.
-    pub fn outcome(&self) -> Option<Outcome> {
+    /// How the run ended; `None` before `run_ended`. A selection is one whatever its last event says: earlier versions
+    /// of the station filed an outcome as for a whole plan.
+    pub fn verdict(&self) -> Option<Verdict> {
         self.ended
     }
 
@@ -294,13 +296,18 @@ impl RunState {
         self.header.is_some() && self.ended.is_none()
     }
 
-    /// The outcome that follows from the rows so far, by the rule of [`crate::outcome`].
-    pub fn outcome_so_far(&self) -> Outcome {
+    /// Whether only chosen items are to run.
+    pub fn is_selection(&self) -> bool {
+        self.header.as_ref().is_some_and(|header| header.selection.is_some())
+    }
+
+    /// The verdict that follows from the rows so far, by the rule of [`crate::outcome`].
+    pub fn verdict_so_far(&self) -> Verdict {
         let ends = self
             .rows
             .iter()
             .map(|row| ItemEnd { outcome: row.outcome, dispensable: row.planned.optional || !row.planned.selected });
-        run_outcome(ends, self.stop.is_some())
+        Verdict::new(run_outcome(ends, self.stop.is_some()), self.is_selection())
     }
 
     /// Number of attempts that have begun and not ended.
@@ -467,7 +474,7 @@ impl RunState {
                 };
                 self.note(Note { stamp, level: NoteLevel::Warning, text, item: None });
             }
-            EventKind::RunEnded { outcome } => self.ended = Some(*outcome),
+            EventKind::RunEnded(verdict) => self.ended = Some(verdict.of_selection_if(self.is_selection())),
         }
         Ok(())
     }

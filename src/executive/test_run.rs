@@ -12,6 +12,7 @@ use crate::outcome::Outcome;
 use crate::plan::{Plan, PlanItem};
 use crate::quantity::Unit;
 use crate::state::RunState;
+use crate::verdict::Verdict;
 
 pub(crate) const FUNCTIONAL: &str = include_str!("fixture/functional.toml");
 
@@ -69,9 +70,9 @@ impl TestRun {
             let (item, outcome, cause) = match job.next(&self.state) {
                 Next::End { item, outcome } => (item, outcome, None),
                 Next::Skip { item, cause } => (item, Outcome::Skipped, Some(cause)),
-                Next::Done { outcome } => {
-                    self.emit(EventKind::RunEnded { outcome });
-                    return Next::Done { outcome };
+                Next::Done { verdict } => {
+                    self.emit(EventKind::RunEnded(verdict));
+                    return Next::Done { verdict };
                 }
                 other => return other,
             };
@@ -199,6 +200,7 @@ pub(crate) fn small_run(header: RunHeader) -> TestRun {
         error: Some(error),
     });
     run.emit(EventKind::Note { level: NoteLevel::Info, text: "supply off\u{7}".to_owned(), item: None });
-    assert_eq!(run.settle(&job), Next::Done { outcome: Outcome::Errored });
+    let verdict = Verdict::new(Outcome::Errored, run.state.is_selection());
+    assert_eq!(run.settle(&job), Next::Done { verdict });
     run
 }

@@ -61,13 +61,11 @@ pub fn failing_rows(record: &RunRecord) -> String {
 
 /// The last line of a run: its verdict, and the number of items with each outcome.
 pub fn verdict_line(record: &RunRecord) -> String {
-    let mut verdict = if record.interrupted { "INTERRUPTED".to_owned() } else { words(record.outcome).to_uppercase() };
+    let mut verdict = if record.interrupted { "INTERRUPTED".to_owned() } else { record.verdict.words().to_uppercase() };
     // This stands beside the word itself, since a person may copy only this line.
-    match (record.bench.kind, &record.selection) {
-        (BenchKind::Real, None) => {}
-        (BenchKind::Real, Some(_)) => verdict.push_str(" (selection)"),
-        (BenchKind::Simulated, None) => verdict.push_str(" (simulated)"),
-        (BenchKind::Simulated, Some(_)) => verdict.push_str(" (simulated, selection)"),
+    let caveats = caveats(record);
+    if !caveats.is_empty() {
+        let _ = write!(verdict, " ({})", caveats.join(", "));
     }
     let selected = record.items.iter().filter(|item| item.selected);
     let counts: Vec<String> = Outcome::ALL
@@ -108,6 +106,16 @@ fn breach_line(breach: &BreachRecord) -> String {
     line
 }
 
+/// What must stand beside the word of every verdict, in a word each: why the record does not speak for the module.
+pub fn caveats(record: &RunRecord) -> Vec<&'static str> {
+    let all = [
+        (record.bench.kind == BenchKind::Simulated, "simulated"),
+        (record.selection.is_some(), "selection"),
+        (record.recomputed.is_some(), "re-judged"),
+    ];
+    all.into_iter().filter(|(is, _)| *is).map(|(_, word)| word).collect()
+}
+
 /// Lines that must stand beside every verdict: why this record does not speak for the module. Empty if it does.
 pub fn banners(record: &RunRecord) -> Vec<String> {
     let mut banners = Vec::new();
@@ -118,6 +126,10 @@ pub fn banners(record: &RunRecord) -> Vec<String> {
     if let Some(selection) = &record.selection {
         let names: Vec<_> = selection.iter().map(|name| printable(name)).collect();
         banners.push(format!("SELECTION ({}): not a pass of the module", names.join(", ")));
+    }
+    if let Some(earlier) = &record.recomputed {
+        let run = printable(&earlier.run);
+        banners.push(format!("RE-JUDGED (the samples of run {run} by these limits): the module was not tested again"));
     }
     for breach in record.board_breaches.iter().filter(|breach| breach.safety) {
         banners.push(format!("DANGER: {}", printable(&breach.what)));

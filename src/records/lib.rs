@@ -8,4 +8,5 @@ pub mod raw;
 pub mod report;
 pub mod resume;
 pub mod shift;
+pub mod standing;
 pub mod store;

@@ -23,6 +23,9 @@ use gnc_plot::svg;
 use crate::passport::{NoPassport, Passport};
 use markup::SvgPage;
 
+/// Word and class of the style sheet for good items of a selection, which are no pass of the module.
+const PARTIAL: &str = "partial";
+
 /// Name of the report in a run's folder.
 pub const REPORT: &str = "report.html";
 
@@ -54,8 +57,8 @@ pub fn html(
 }
 
 fn verdict(page: &mut SvgPage, record: &RunRecord) {
-    let word = if record.interrupted { "interrupted" } else { word(record.outcome) };
-    page.open("header", class(record.outcome));
+    let word = if record.interrupted { "interrupted" } else { record.verdict.to_show().map_or(PARTIAL, word) };
+    page.open("header", record.verdict.to_show().map_or(PARTIAL, class));
     page.element("h1", "", &format!("{} {}", word.to_uppercase(), record.serial_number));
     let line = format!("{} {}, {}", record.plan.name, record.plan.version, record.started.format("%F %T %:z"));
     page.element("p", "", &line);
@@ -91,6 +94,7 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
         ("Began", Some(record.started.to_rfc3339())),
         ("Ended", record.finished.map(|at| at.to_rfc3339())),
         ("Took", Some(duration(record.elapsed_s))),
+        ("Re-judged", record.recomputed.as_ref().map(|earlier| format!("the samples of run {}", earlier.run))),
         ("Round", record.looped.map(|round| round.index.to_string())),
         ("Decision rule", decision_rule(record)),
         ("Stopped by", record.stop.as_ref().map(|stop| stop.by.clone())),

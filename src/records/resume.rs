@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use gnc_analysis::capture::Capture;
 use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, RunHeader};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
 use sha2::{Digest as _, Sha256};
 
 use crate::store::captures::{self, CapturesError};
@@ -35,7 +36,7 @@ pub enum ResumeError {
     },
     /// The run was not interrupted.
     #[error("the run to resume was not interrupted: its outcome is {}", .0.as_str())]
-    Ended(Outcome),
+    Ended(Verdict),
     /// The run ended, but without digests its files cannot be checked.
     #[error("the run to resume ended, and its {DIGESTS} is missing")]
     Unsealed,
@@ -124,9 +125,9 @@ impl Resumed {
             return Err(ResumeError::GoesOn);
         }
         same("the selection", &items(was.selection.as_deref()), &items(like.selection))?;
-        match state.outcome().filter(|_| !state.is_interrupted()) {
-            Some(outcome @ (Outcome::Passed | Outcome::Marginal | Outcome::Failed)) => {
-                return Err(ResumeError::Ended(outcome));
+        match state.verdict().filter(|_| !state.is_interrupted()) {
+            Some(verdict) if matches!(verdict.of_items(), Outcome::Passed | Outcome::Marginal | Outcome::Failed) => {
+                return Err(ResumeError::Ended(verdict));
             }
             Some(_) if !reader::is_sealed(folder) => return Err(ResumeError::Unsealed),
             _ => {}

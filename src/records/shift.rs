@@ -63,11 +63,9 @@ impl WholeRun {
     /// it says.
     fn of(found: &FoundRun, of: &ShiftOf) -> Option<Self> {
         let run = found.run.as_ref().ok()?;
-        let counts = run.station == of.station
-            && run.bench.kind == of.kind
-            && run.selection.is_none()
-            && run.recomputed.is_none();
-        let outcome = if found.sealed { run.outcome } else { Outcome::Errored };
+        let outcome = run.verdict.of_module()?;
+        let counts = run.station == of.station && run.bench.kind == of.kind && run.recomputed.is_none();
+        let outcome = if found.sealed { outcome } else { Outcome::Errored };
         counts.then(|| Self {
             serial_number: run.serial_number.clone(),
             plan: run.plan.name.clone(),

@@ -6,6 +6,8 @@ use clap::{Args, Subcommand};
 use gnc_executive::plan::OnFail;
 use gnc_executive::quantity::{Dimension, Quantity, Unit};
 
+use crate::exit_code::Strictness;
+
 /// What to do with records.
 #[derive(Debug, Subcommand)]
 pub(crate) enum RecordsCommand {
@@ -95,7 +97,7 @@ pub(crate) struct RunArgs {
     /// The records folder; by default the one that the bench file names, else `records`.
     #[arg(long, value_name = "DIR")]
     pub records: Option<PathBuf>,
-    /// Runs only these items of the plan. Such a run never passes the module.
+    /// Runs only these items of the plan. Such a run never passes the module: it ends with exit code 5 if the items are good.
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     pub only: Option<Vec<String>>,
     /// Runs the plan N times and writes a record of each run.
@@ -111,12 +113,22 @@ pub(crate) struct RunArgs {
     /// first, and offers an interrupted run of the scanned module by itself.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["loops", "until"])]
     pub resume: Option<PathBuf>,
+    /// Ends with exit code 6 instead of 0 if the module is marginal.
+    #[arg(long)]
+    pub strict: bool,
     /// Runs one item after the other, even where the plan lets items run at the same time.
     #[arg(long)]
     pub one_by_one: bool,
     /// Writes the events as JSON lines to standard output, and all text for people to standard error.
     #[arg(long, requires = "auto")]
     pub events: bool,
+}
+
+impl RunArgs {
+    /// Whether a marginal module has an exit code of its own.
+    pub(crate) fn strictness(&self) -> Strictness {
+        if self.strict { Strictness::Strict } else { Strictness::Lenient }
+    }
 }
 
 /// What a bad item means for the rest.

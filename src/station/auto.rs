@@ -15,8 +15,8 @@ use gnc_bench::fixture::{Fixture, Operator};
 use gnc_bench::runner::{Ending, Live};
 use gnc_bench::service::{self, Observer, Rounds, RunRequest, ServiceError};
 use gnc_executive::event::ProgramVersion;
-use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
+use gnc_executive::verdict::Verdict;
 use gnc_records::store::Watcher;
 use gnc_text::with_causes;
 
@@ -39,11 +39,11 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
                 Ok(runtime) => runtime,
                 Err(error) => return refuse(format_args!("cannot start: {error}"), ""),
             };
-            let outcome = runtime.block_on(all_rounds(args, &request, setup, &habits));
+            let verdict = runtime.block_on(all_rounds(args, &request, setup, &habits));
             // The thread that reads answers may wait for a line for ever.
             runtime.shutdown_background();
-            match outcome {
-                Ok(outcome) => exit_code::of(outcome),
+            match verdict {
+                Ok(verdict) => exit_code::of(verdict, args.strictness()),
                 Err(refusal) => refuse(refusal.what, &refusal.try_this),
             }
         }
@@ -103,7 +103,7 @@ async fn all_rounds(
     request: &RunRequest,
     setup: Setup,
     habits: &BenchHabits,
-) -> Result<Outcome, CommandRefusal> {
+) -> Result<Verdict, CommandRefusal> {
     let control = RunControl::from_signals()
         .map_err(|error| CommandRefusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
     // The simulated bench ends with this scope.
@@ -132,17 +132,16 @@ async fn all_rounds(
     if let Some(refused) = &done.refused {
         complain(with_causes(refused), refused.try_this());
     }
-    if done.outcomes.len() > 1 {
-        face::say(args.events, &format!("{} rounds: {}", done.outcomes.len(), counts(&done.outcomes)));
+    if done.verdicts.len() > 1 {
+        face::say(args.events, &format!("{} rounds: {}", done.verdicts.len(), counts(&done.verdicts)));
     }
-    Ok(done.outcome())
+    Ok(done.verdict())
 }
 
 /// "7 passed, 1 failed".
-fn counts(ends: &[Outcome]) -> String {
-    let count = |outcome: &Outcome| ends.iter().filter(|end| *end == outcome).count();
-    let present = Outcome::ALL.iter().filter(|outcome| count(outcome) > 0);
-    present.map(|outcome| format!("{} {outcome}", count(outcome))).collect::<Vec<_>>().join(", ")
+fn counts(ends: &[Verdict]) -> String {
+    let each = Verdict::counts(ends).into_iter().map(|(verdict, count)| format!("{count} {verdict}"));
+    each.collect::<Vec<_>>().join(", ")
 }
 
 /// The refusal of a request that the service does not carry out.
@@ -184,7 +183,7 @@ impl Observer for Shown<'_> {
             );
         }
         if let Some(hooks) = &self.hooks
-            && let Err(why) = hooks.tell(folder, self.serial_number, ending.outcome)
+            && let Err(why) = hooks.tell(folder, self.serial_number, ending.verdict)
         {
             complain(why, "");
         }

@@ -71,11 +71,11 @@ pub(crate) fn run(command: &BoardCommand) -> ExitCode {
         Ok(Ok(ended)) => conclude(args, &ended),
         Ok(Err(no_board)) => {
             complain(printable(&no_board.to_string()), no_board_hint(&no_board));
-            exit_code::of(RunOutcome::Errored)
+            exit_code::of_command(RunOutcome::Errored)
         }
         Err(refusal) => {
             complain(refusal.what, &refusal.try_this);
-            exit_code::of(RunOutcome::Errored)
+            exit_code::of_command(RunOutcome::Errored)
         }
     }
 }
@@ -233,12 +233,12 @@ fn conclude(args: &CheckArgs, ended: &Ended) -> ExitCode {
             format_args!("cannot write the findings: {error}"),
             "make room on the disk, then run the checks again",
         );
-        return exit_code::of(RunOutcome::Errored);
+        return exit_code::of_command(RunOutcome::Errored);
     }
     match (failed, ended.stopped) {
-        (_, true) => exit_code::of(RunOutcome::Aborted),
-        (0, false) => exit_code::of(RunOutcome::Passed),
-        (_, false) => exit_code::of(RunOutcome::Failed),
+        (_, true) => exit_code::of_command(RunOutcome::Aborted),
+        (0, false) => exit_code::of_command(RunOutcome::Passed),
+        (_, false) => exit_code::of_command(RunOutcome::Failed),
     }
 }
 

@@ -10,11 +10,14 @@ use crate::exit_code::USAGE;
 
 const EXIT_CODES: &str = "\
 Exit codes:
-  0  passed or marginal
+  0  passed or marginal: the whole plan was run, and every limit is kept
   1  failed: the module violates a limit
   2  the command line, a plan or a bench file is refused
   3  errored: the station could not judge the module
-  4  aborted by a person or a signal";
+  4  aborted by a person or a signal
+  5  the chosen items are good (--only): no pass of the module
+  6  marginal, with --strict
+Of several rounds the worst counts: 4, 3, 1, 5, 6, 0.";
 
 /// Production test station for GNC modules. Without a command and without --auto it opens the operator's screen.
 #[derive(Debug, Parser)]

@@ -16,6 +16,7 @@ use gnc_executive::bench::Hook;
 use gnc_executive::event::{BenchKind, PlanInfo};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::RunRecord;
+use gnc_executive::verdict::Verdict;
 use gnc_records::store::reader;
 use gnc_text::{printable, quoted};
 use nix::sys::signal::{Signal, killpg};
@@ -67,7 +68,7 @@ impl HookProgram {
 #[derive(Debug)]
 struct Ended {
     folder: PathBuf,
-    outcome: Outcome,
+    verdict: Verdict,
     serial_number: String,
 }
 
@@ -94,8 +95,8 @@ impl Hooks {
     }
 
     /// Has the verdict of a run told. Returns at once; the error says why the verdict is not told.
-    pub(crate) fn tell(&self, folder: &Path, serial_number: &str, outcome: Outcome) -> Result<(), String> {
-        let ended = Ended { folder: folder.to_owned(), outcome, serial_number: serial_number.to_owned() };
+    pub(crate) fn tell(&self, folder: &Path, serial_number: &str, verdict: Verdict) -> Result<(), String> {
+        let ended = Ended { folder: folder.to_owned(), verdict, serial_number: serial_number.to_owned() };
         self.verdicts.try_send(ended).map_err(|error| match error {
             TrySendError::Full(_) => format!("the hook is {WAITING} verdicts behind, so it is not told this one"),
             TrySendError::Disconnected(_) => "the hook has ended".to_owned(),
@@ -123,7 +124,7 @@ fn serve(program: &HookProgram, ended: &Receiver<Ended>, trouble: &impl Fn(Strin
         Err(error) => return trouble(format!("{} cannot be started: {error}", program.name())),
     };
     for run in ended {
-        let note = serde_json::to_vec(&Verdict::of(&run)).unwrap_or_default();
+        let note = serde_json::to_vec(&Note::of(&run)).unwrap_or_default();
         if let Err(what) = runtime.block_on(tell(program, note)) {
             trouble(format!("{} {what}; the verdict of {} stands", program.name(), printable(&run.serial_number)));
         }
@@ -195,14 +196,13 @@ async fn follow(child: &mut Child, note: &[u8]) -> Result<(), String> {
 
 /// What the program reads. New versions only add fields.
 #[derive(Debug, Serialize)]
-struct Verdict {
+struct Note {
     schema: &'static str,
     serial_number: String,
     /// How the run ended. The record has the last word on everything but this: a run whose record could not be written
-    /// is errored.
-    outcome: Outcome,
-    /// Whether only some items of the plan ran: never a pass of the module.
-    selection: bool,
+    /// is errored. `outcome` is null if only chosen items ran, and `selection_outcome` then tells how they ended.
+    #[serde(flatten)]
+    verdict: Verdict,
     /// Whether the module was a simulated one.
     simulated: bool,
     /// The folder of the record.
@@ -231,14 +231,13 @@ struct NotPassed {
     outcome: Outcome,
 }
 
-impl Verdict {
+impl Note {
     fn of(ended: &Ended) -> Self {
         let record = reader::read(&ended.folder).ok();
         Self {
             schema: SCHEMA,
             serial_number: ended.serial_number.clone(),
-            outcome: ended.outcome,
-            selection: record.as_ref().is_some_and(|record| record.selection.is_some()),
+            verdict: ended.verdict,
             simulated: record.as_ref().is_some_and(|record| record.bench.kind == BenchKind::Simulated),
             record: std::path::absolute(&ended.folder).unwrap_or_else(|_| ended.folder.clone()),
             run: record.map(Told::of),

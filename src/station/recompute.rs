@@ -88,9 +88,9 @@ fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
     for line in &again.differences {
         let _ = writeln!(out, "{}", printable(line));
     }
-    let _ = writeln!(out, "{}, judged by {} {}: {}", folder.display(), plan.name, plan.version, again.outcome);
+    let _ = writeln!(out, "{}, re-judged by {} {}: {}", folder.display(), plan.name, plan.version, again.verdict);
     let _ = writeln!(out, "record: {}", path.display());
-    Ok(exit_code::of(again.outcome))
+    Ok(exit_code::of(again.verdict, exit_code::Strictness::Lenient))
 }
 
 /// Files the new judgement beside the run.

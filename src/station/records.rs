@@ -4,7 +4,6 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
 use gnc_executive::text;
 use gnc_records::store::{PublicKey, StationKey, StoreError, chain, reader};
@@ -72,15 +71,9 @@ fn summary(run: &RunRecord, sealed: bool) -> String {
     let outcome = match run.interrupted {
         true => "interrupted",
         false if !sealed => "unsealed",
-        false => run.outcome.as_str(),
+        false => run.verdict.as_str(),
     };
-    let mut remarks = String::new();
-    if run.selection.is_some() {
-        remarks.push_str(" selection");
-    }
-    if run.bench.kind == BenchKind::Simulated {
-        remarks.push_str(" simulated");
-    }
+    let remarks: String = text::caveats(run).iter().map(|caveat| format!(" {caveat}")).collect();
     let serial_number = printable(&run.serial_number);
     format!("{outcome:<12}{}  {serial_number:<16} {:<12}{remarks:<20}", run.started.format("%F %T"), run.plan.name)
 }

@@ -29,7 +29,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use gnc_bench::runner::Live;
-use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
 use gnc_records::resume::ResumeError;
 use gnc_records::store::reader;
 use gnc_text::{printable, with_causes};
@@ -69,12 +69,12 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
         );
     }
     match open(args, began) {
-        Ok(outcome) => outcome.map_or(ExitCode::SUCCESS, exit_code::of),
+        Ok(verdict) => verdict.map_or(ExitCode::SUCCESS, |verdict| exit_code::of(verdict, args.strictness())),
         Err(refusal) => refuse(refusal.what, &refusal.try_this),
     }
 }
 
-fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, CommandRefusal> {
+fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusal> {
     let cannot = |error: io::Error| CommandRefusal::new(format!("cannot start the screen: {error}"), "");
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot)?;
     let signals = {
@@ -105,11 +105,11 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, CommandRefusa
 
     let session = ScreenSession::new((args.clone(), plan), screen, commands, signals, live);
     let told = session.told();
-    let outcome = runtime.block_on(async {
+    let verdict = runtime.block_on(async {
         let resizes = tokio::spawn(terminal::watch_size(resized_in));
-        let outcome = session.serve().await;
+        let verdict = session.serve().await;
         resizes.abort();
-        outcome
+        verdict
     });
     // A read of records may still be under way; do not wait for it.
     runtime.shutdown_background();
@@ -121,7 +121,7 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Outcome>, CommandRefusa
     }
     // The last verdicts are told while the terminal is the operator's again.
     told.finish();
-    Ok(outcome)
+    Ok(verdict)
 }
 
 fn spawn(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), CommandRefusal> {

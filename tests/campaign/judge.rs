@@ -45,8 +45,8 @@ pub fn violations(case: &Case, ran: &Ran) -> Vec<String> {
         found.push(format!("board {} has no expectation for the plan", case.board));
         return found;
     };
-    if ran.outcome != Some(record.outcome) {
-        found.push(format!("the station ended {:?}, its record says {}", ran.outcome, record.outcome));
+    if ran.verdict != Some(record.verdict) {
+        found.push(format!("the station ended {:?}, its record says {}", ran.verdict, record.verdict));
     }
     verdicts(case, record, expected, &mut found);
     ends(case, ran, record, &mut found);
@@ -83,16 +83,16 @@ fn verdicts(case: &Case, record: &RunRecord, expected: &Expectation, found: &mut
         }
     }
     let reached = expected.items.is_empty() || record.items.iter().any(|item| is_judged(item, expected));
-    if expected.outcome != "passed" && record.outcome.is_good() && reached {
-        found.push(format!("a bad module is {}", record.outcome));
+    if expected.outcome != "passed" && record.verdict.passes_module() && reached {
+        found.push(format!("a bad module is {}", record.verdict));
     }
-    if record.outcome == Outcome::Failed && expected.outcome != "failed" {
+    if record.verdict.of_items() == Outcome::Failed && expected.outcome != "failed" {
         found.push("a good module failed".to_owned());
     }
     if case.is_calm() && reached {
         let good = |outcome: Outcome| outcome.is_good() && expected.outcome == "passed";
-        if record.outcome.to_string() != expected.outcome && !good(record.outcome) {
-            found.push(format!("{} instead of {} on a clean line", record.outcome, expected.outcome));
+        if record.verdict.to_string() != expected.outcome && !good(record.verdict.of_items()) {
+            found.push(format!("{} instead of {} on a clean line", record.verdict, expected.outcome));
         }
     }
 }
@@ -106,8 +106,8 @@ fn is_judged(item: &ItemRecord, expected: &Expectation) -> bool {
 fn ends(case: &Case, ran: &Ran, record: &RunRecord, found: &mut Vec<String>) {
     let broken_off =
         record.items.iter().any(|item| item.selected && matches!(item.outcome, Outcome::Aborted | Outcome::NotRun));
-    if record.stop.is_some() && broken_off && record.outcome != Outcome::Aborted {
-        found.push(format!("the run was stopped, but is {}", record.outcome));
+    if record.stop.is_some() && broken_off && record.verdict.of_items() != Outcome::Aborted {
+        found.push(format!("the run was stopped, but is {}", record.verdict));
     }
     if record.stop.is_some() && !matches!(case.disturbance, Disturbance::Stop { .. }) {
         found.push("the run stopped without a request to stop".to_owned());

@@ -83,8 +83,8 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
         world.due.clear();
         ran.off_after = timeout(SAFE_AFTER, world.off()).await.ok().map(|off| off.saturating_duration_since(at));
         ran.off_since_disturbed = world.disturbed.zip(world.off_since_disturbed).map(|(from, to)| to - from);
-        let (outcome, folder) = listener.ended(done)?;
-        Ok(ran.with_record(outcome, &folder))
+        let (verdict, folder) = listener.ended(done)?;
+        Ok(ran.with_record(verdict, &folder))
     })
 }
 

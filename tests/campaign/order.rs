@@ -9,8 +9,8 @@ use gnc_bench::service::{CheckedPlan, Equipment, Observer, Rounds, RunRequest, R
 use gnc_executive::bench::BenchFile;
 use gnc_executive::event::{BenchInfo, Event, ProgramVersion};
 use gnc_executive::job::BenchAbilities;
-use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
+use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::store::Watcher;
@@ -81,12 +81,12 @@ impl<F: Fn() -> bool + Clone + Send + 'static> Heard<F> {
         Self { event, folder: None, store_error: None }
     }
 
-    /// The outcome and the folder of the only round, or the error that prevented it.
-    pub(super) fn ended(self, done: Result<RunsDone, ServiceError>) -> Result<(Outcome, PathBuf), String> {
+    /// The verdict and the folder of the only round, or the error that prevented it.
+    pub(super) fn ended(self, done: Result<RunsDone, ServiceError>) -> Result<(Verdict, PathBuf), String> {
         let done = done.map_err(|error| error.to_string())?;
         match (self.store_error, self.folder) {
             (Some(error), _) => Err(format!("the record could not be written: {error}")),
-            (None, Some(folder)) => Ok((done.outcome(), folder)),
+            (None, Some(folder)) => Ok((done.verdict(), folder)),
             (None, None) => Err("no round was begun".to_owned()),
         }
     }

@@ -9,7 +9,7 @@ use gnc_bench::control::RunControl;
 use gnc_bench::fixture::Fixture;
 use gnc_bench::runner::Live;
 use gnc_bench::service;
-use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use hw_mocks::{Cable, RunningBench, Speed};
@@ -28,8 +28,8 @@ enum News {
     Ended(Ended),
 }
 
-/// The outcome of a run and its folder, or the error that prevented it.
-type Ended = Result<(Outcome, PathBuf), String>;
+/// The verdict of a run and its folder, or the error that prevented it.
+type Ended = Result<(Verdict, PathBuf), String>;
 
 pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     let options = options(case, Speed::Max)?;
@@ -73,8 +73,8 @@ pub(super) fn run_in(case: &Case, place: &Path) -> Result<Ran, String> {
     ran.off_after = off_after(&hands);
     ran.off_since_disturbed = off.and_then(|off| off.join().ok().flatten());
     let _ = thread.join();
-    let (outcome, folder) = ended?;
-    Ok(ran.with_record(outcome, &folder))
+    let (verdict, folder) = ended?;
+    Ok(ran.with_record(verdict, &folder))
 }
 
 fn point(link: &Path, port: &Path) -> Result<(), String> {

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::RunRecord;
+use gnc_executive::verdict::Verdict;
 use gnc_records::store::reader;
 use hw_mocks::{BenchOptions, LineTruth, Personality, Speed};
 use tokio::time::Instant;
@@ -35,8 +36,8 @@ pub(super) const SAFE_AFTER: Duration = Duration::from_secs(5);
 pub struct Ran {
     /// Its record; `None` if it did not come to an end, or left no record.
     pub record: Option<RunRecord>,
-    /// The outcome by the station.
-    pub outcome: Option<Outcome>,
+    /// The verdict by the station.
+    pub verdict: Option<Verdict>,
     /// Whether the run was in memory, where a computer that stands still cannot separate station and bench.
     pub in_memory: bool,
     /// Its events as they are on disk.
@@ -59,9 +60,15 @@ pub struct Ran {
 }
 
 impl Ran {
+    /// The outcome for the module, by the station.
+    #[must_use]
+    pub fn outcome(&self) -> Option<Outcome> {
+        self.verdict.and_then(Verdict::of_module)
+    }
+
     /// Adds the record in this folder, and its errors.
-    pub(super) fn with_record(mut self, outcome: Outcome, folder: &Path) -> Self {
-        self.outcome = Some(outcome);
+    pub(super) fn with_record(mut self, verdict: Verdict, folder: &Path) -> Self {
+        self.verdict = Some(verdict);
         self.problems.extend(reader::verify(folder));
         match std::fs::read(folder.join("events.jsonl")) {
             Ok(journal) => self.journal = journal,

@@ -31,7 +31,7 @@ pub fn table(all: &[Judged]) -> String {
         for name in names(judged) {
             let row = rows.entry(name).or_default();
             row.runs += 1;
-            let outcome = judged.ran.record.as_ref().map(|record| record.outcome);
+            let outcome = judged.ran.record.as_ref().map(|record| record.verdict.of_items());
             if let Some(column) = COLUMNS.iter().position(|column| Some(*column) == outcome) {
                 row.ended[column] += 1;
             }
@@ -117,7 +117,7 @@ fn yields(all: &[Judged]) -> String {
             .filter(|judged| judged.case.breach.is_empty() && judged.case.kinds.is_empty() == clean)
             .filter_map(|judged| judged.ran.record.as_ref())
             .collect();
-        let passed = these.iter().filter(|record| record.outcome.is_good());
+        let passed = these.iter().filter(|record| record.verdict.passes_module());
         let at_first = passed.clone().filter(|record| retries(record) == 0).count();
         (at_first, passed.count(), these.len())
     };

@@ -29,9 +29,9 @@ fn play(job: &Job, outcomes: &[(&str, &[Outcome])], stop: Option<(usize, StopHow
                 continue;
             }
             Next::Wait => panic!("waits with nothing in flight:\n{story}"),
-            Next::Done { outcome } => {
-                run.emit(EventKind::RunEnded { outcome });
-                story.push_str(&format!("run {outcome}"));
+            Next::Done { verdict } => {
+                run.emit(EventKind::RunEnded(verdict));
+                story.push_str(&format!("run {verdict}"));
                 return story;
             }
         };
@@ -241,7 +241,7 @@ fn a_selection_runs_its_items_with_setup_and_teardown() {
     sci passed
     internal-flash attempt 1
     internal-flash passed
-    run passed
+    run partial
     "#);
 }
 
@@ -332,7 +332,7 @@ fn nothing_measured_is_never_a_pass() {
     let mut run = TestRun::new(&job, header());
     assert_eq!(run.settle(&job), Next::Run { item: 0, attempt: 1 });
     run.attempt(job.item(0).unwrap(), 1, &[("faulty_pairs", Value::text("none"))]);
-    assert_eq!(run.settle(&job), Next::Done { outcome: Outcome::Errored });
+    assert_eq!(run.settle(&job), Next::Done { verdict: Verdict::Module(Outcome::Errored) });
 }
 
 fn any_outcome() -> impl Strategy<Value = Outcome> {
@@ -387,7 +387,7 @@ proptest! {
                     let outcome = seed[run.events.len() % seed.len()];
                     run.emit(EventKind::AttemptEnded { item, attempt, outcome, error: None });
                 }
-                Next::Done { outcome } => break outcome,
+                Next::Done { verdict } => break verdict.of_items(),
             }
         };
         prop_assert!(flying.is_empty());

@@ -5,7 +5,7 @@ use std::fmt;
 use gnc_text::printable;
 use serde_json::Value;
 
-use crate::event::{EVENTS_SCHEMA, EventKind};
+use crate::event::{EventKind, SELECTION_SCHEMA};
 
 /// The beginning of serde's message about an unknown name of an enum.
 const UNKNOWN_NAME: &str = "unknown variant `";
@@ -38,10 +38,10 @@ impl fmt::Display for Unknown {
     }
 }
 
-/// A schema with a higher number than this version's; `None` if it is this version's schema or not one of the
-/// station's.
+/// A schema with a higher number than the highest of this version; `None` if this version has it, or the station never
+/// had it.
 pub(super) fn schema(schema: &str) -> Option<Unknown> {
-    let (ours, version) = EVENTS_SCHEMA.rsplit_once('/')?;
+    let (ours, version) = SELECTION_SCHEMA.rsplit_once('/')?;
     let later: u32 = schema.strip_prefix(ours)?.strip_prefix('/')?.parse().ok()?;
     (later > version.parse().ok()?).then(|| Unknown::Schema(schema.to_owned()))
 }

@@ -3,11 +3,13 @@ use proptest::prelude::*;
 use super::*;
 use crate::event::{EventKind, NoteLevel, RunHeader};
 use crate::measurement::Value;
+use crate::outcome::Outcome;
 use crate::quantity::Unit;
 use crate::record::RunRecord;
 use crate::test_run::{SMALL, TestRun, header, job, small_run};
 use crate::text::log_txt;
 use crate::uncertainty::Uncertainty;
+use crate::verdict::Verdict;
 
 fn stored() -> (Vec<u8>, RunState, Vec<Event>) {
     let run = small_run(header());
@@ -59,7 +61,7 @@ fn a_journal_may_be_cut_anywhere() {
         }
         assert_eq!(journal.state, expected, "cut at {cut}");
         assert_eq!(journal.good_bytes + journal.cut_bytes, cut);
-        assert!(journal.state.outcome().is_none() || cut + 1 == bytes.len());
+        assert!(journal.state.verdict().is_none() || cut + 1 == bytes.len());
         // A file system that had no time for the data leaves zero bytes. Every 16th place suffices for this test.
         if cut % 16 == 0 {
             let mut zeros = bytes[..cut].to_vec();
@@ -132,7 +134,7 @@ fn a_newer_journal_is_not_damage() {
     assert_eq!(told(0, "\"run_started\"", "\"run_ordered\""), newer(1, "event `run_ordered`"));
     assert_eq!(told(4, "\"measured\"", "\"weighed\""), newer(5, "event `weighed`"));
     assert_eq!(told(last, "\"run_ended\"", "\"run_sealed\""), newer(last + 1, "event `run_sealed`"));
-    assert_eq!(told(0, "gnc-events/1", "gnc-events/2"), newer(1, "schema `gnc-events/2`"));
+    assert_eq!(told(0, "gnc-events/1", "gnc-events/3"), newer(1, "schema `gnc-events/3`"));
     // A new schema counts whatever else is new in the line.
     assert_eq!(
         told(0, "gnc-events/1\",\"serial_number\"", "gnc-events/12\",\"number\""),
@@ -171,7 +173,9 @@ fn damage_is_not_a_newer_version() {
     refused("\"weighed\"");
     for schema in ["gnc-events/0", "gnc-events/one", "gnc-events", "gnc-runs/2", ""] {
         let error = fold(lines[0].replace("gnc-events/1", schema).as_bytes()).unwrap_err();
-        let expected = format!("line 1 of the journal has the schema {schema:?}, and this program reads gnc-events/1");
+        let expected = format!(
+            "line 1 of the journal has the schema {schema:?}, and this program reads gnc-events/1 and gnc-events/2"
+        );
         assert_eq!(error.to_string(), expected);
     }
 }
@@ -266,4 +270,26 @@ fn what_was_found_is_known_from_the_end_of_its_item_on() {
         known = known.max(found.len());
     }
     assert_eq!(known, 1, "sdram");
+}
+
+/// Earlier versions filed the end of a selection as that of a module. Read today, it is one of chosen items alone, in the
+/// journal and in `run.json`.
+#[test]
+fn a_selection_of_an_earlier_version_is_no_pass() {
+    let mut header = header();
+    header.selection = Some(vec!["identity".to_owned()]);
+    let run = small_run(header);
+    let lines: Vec<String> = run.events.iter().map(|event| line(event).unwrap()).collect();
+    let now = lines.concat();
+    let end = r#""kind":"run_ended","outcome":null,"selection_outcome":"errored"}"#;
+    assert!(now.ends_with(&format!("{end}\n")), "{}", lines[lines.len() - 1]);
+    let before = now.replace(end, r#""kind":"run_ended","outcome":"passed"}"#);
+    let state = fold(before.as_bytes()).unwrap().state;
+    assert_eq!(state.verdict(), Some(Verdict::Selection(Outcome::Passed)));
+    let record = RunRecord::from_state(&state).unwrap();
+    let json = serde_json::to_string(&record).unwrap();
+    let old = json
+        .replace(r#""outcome":null,"selection_outcome":"passed","interrupted""#, r#""outcome":"passed","interrupted""#);
+    assert_ne!(old, json);
+    assert_eq!(serde_json::from_str::<RunRecord>(&old).unwrap(), record);
 }

@@ -7,7 +7,10 @@ use gnc_config::{Mistake, Mistakes, SourceText, Span, TomlTable, Walk, did_you_m
 use gnc_text::{printable, quoted};
 
 use super::item::{self, NAME_CHARACTERS, RawItem, check_name};
-use super::{MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, OnFail, Plan, PlanItem};
+use super::{
+    DEFAULT_VALID_DAYS, MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, MAX_REQUIRED_PLANS,
+    MAX_VALID_DAYS, OnFail, Plan, PlanItem,
+};
 use crate::catalogue::ParamKind;
 
 /// Bytes of a path: the limit of most systems.
@@ -29,6 +32,8 @@ struct Head {
     version: String,
     description: String,
     on_fail: OnFail,
+    requires_plan: Vec<String>,
+    valid_days: u32,
 }
 
 /// Reads the plan, its includes first.
@@ -50,8 +55,8 @@ pub(super) fn read(
         mistakes.add(|| Mistake::nowhere("the plan has no items", "begin each item with a line [[item]]"));
     }
     let items = link(items, &sources, unreadable, &mut mistakes);
-    let Head { name, version, description, on_fail } = head;
-    mistakes.or(Plan { name, version, description, on_fail, items, sources })
+    let Head { name, version, description, on_fail, requires_plan, valid_days } = head;
+    mistakes.or(Plan { name, version, description, on_fail, requires_plan, valid_days, items, sources })
 }
 
 impl Reader<'_> {
@@ -124,7 +129,7 @@ impl Reader<'_> {
         let index = self.sources.len();
         self.sources.push(SourceText::new(&name, bytes, MAX_PLAN_BYTES)?);
         chain.push(index);
-        // Name, version and on_fail of an included plan are not used here: they serve when that plan runs by itself.
+        // What stands at the head of an included plan is not used here: it serves when that plan runs by itself.
         self.file(index, chain)?;
         chain.pop();
         Ok(())
@@ -152,7 +157,31 @@ fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
         }
     };
     let description = root.text("description").map_or("", |(text, _)| text).to_owned();
-    Head { name: name.unwrap_or_default(), version: version.unwrap_or_default(), description, on_fail }
+    let name = name.unwrap_or_default();
+    let requires_plan = required_plans(walk, root, &name);
+    let valid_days = root.integer("valid_days", (1, MAX_VALID_DAYS), i64::from(DEFAULT_VALID_DAYS));
+    let valid_days = u32::try_from(valid_days).unwrap_or(DEFAULT_VALID_DAYS);
+    Head { name, version: version.unwrap_or_default(), description, on_fail, requires_plan, valid_days }
+}
+
+/// Names of the plans that the module must have passed before the plan `name`.
+fn required_plans(walk: &Walk<'_>, root: &TomlTable<'_, '_>, name: &str) -> Vec<String> {
+    let mut required: Vec<String> = Vec::new();
+    for (index, (other, span)) in root.texts("requires_plan").into_iter().enumerate() {
+        if index == MAX_REQUIRED_PLANS {
+            walk.mistake(span, format!("more than {MAX_REQUIRED_PLANS} plans are required"), "name the last of them");
+            break;
+        }
+        check_name(walk, other, span.clone());
+        if other == name {
+            walk.mistake(span, "the plan requires itself", "name another plan, or remove this name");
+        } else if required.iter().any(|known| known == other) {
+            walk.mistake(span, format!("{} is required twice", quoted(other)), "remove one of them");
+        } else {
+            required.push(other.to_owned());
+        }
+    }
+    required
 }
 
 /// Orders the items by phase, gives each its requirements by position, and refuses doubled names.

@@ -6,6 +6,7 @@
 
 use serde_json::{Map, Value, json};
 
+use super::{DEFAULT_VALID_DAYS, MAX_REQUIRED_PLANS, MAX_VALID_DAYS};
 use crate::catalogue::{ItemId, ItemSpec, MeasurementSpec, ParamKind};
 use crate::limit::MeasurementKind;
 use crate::quantity::Quantity;
@@ -31,6 +32,17 @@ pub fn plan_schema() -> Value {
                 "description": "Paths of other plans, relative to this file. Their items run before the items of this plan.",
                 "type": "array",
                 "items": { "type": "string" }
+            },
+            "requires_plan": {
+                "description": "Names of plans that the module must have passed. Without a valid pass of each, no run begins.",
+                "type": "array",
+                "maxItems": MAX_REQUIRED_PLANS,
+                "uniqueItems": true,
+                "items": { "$ref": "#/$defs/name" }
+            },
+            "valid_days": {
+                "description": "Days for which a pass of this plan, and of those that it requires, counts for a module.",
+                "type": "integer", "minimum": 1, "maximum": MAX_VALID_DAYS, "default": DEFAULT_VALID_DAYS
             },
             "item": {
                 "description": "The items, in the order in which they run.",

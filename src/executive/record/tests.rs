@@ -21,7 +21,7 @@ fn a_record_comes_back_as_it_was() {
     let record = record();
     let json = serde_json::to_string_pretty(&record).unwrap();
     assert_eq!(serde_json::from_str::<RunRecord>(&json).unwrap(), record);
-    assert_eq!(record.outcome, Outcome::Errored);
+    assert_eq!(record.verdict, Verdict::Module(Outcome::Errored));
     // 27 events, a quarter of a second apart.
     assert_eq!(record.elapsed_s, 6.5);
     let outcomes: Vec<Outcome> = record.items.iter().map(|item| item.outcome).collect();
@@ -42,13 +42,15 @@ fn an_item_file_stands_alone() {
 #[test]
 fn only_a_whole_run_on_a_real_bench_is_evidence() {
     assert!(record().is_evidence());
-    let with = |change: fn(&mut crate::event::RunHeader)| {
+    let with = |change: &dyn Fn(&mut crate::event::RunHeader)| {
         let mut header = header();
         change(&mut header);
         RunRecord::from_state(&small_run(header).state).unwrap()
     };
-    assert!(!with(|header| header.bench = BenchInfo::simulated("good-1", "max", 7)).is_evidence());
-    assert!(!with(|header| header.selection = Some(vec!["identity".to_owned()])).is_evidence());
+    assert!(!with(&|header| header.bench = BenchInfo::simulated("good-1", "max", 7)).is_evidence());
+    assert!(!with(&|header| header.selection = Some(vec!["identity".to_owned()])).is_evidence());
+    let earlier = crate::event::EarlierRun { run: "120000-small".to_owned(), journal_sha256: "00".repeat(32) };
+    assert!(!with(&|header| header.recomputed = Some(earlier.clone())).is_evidence());
 }
 
 #[test]
@@ -58,7 +60,7 @@ fn a_run_without_end_is_interrupted() {
     for kept in 1..lines.len() {
         let state = journal::fold(lines[..kept].concat().as_bytes()).unwrap().state;
         let record = RunRecord::from_state(&state).unwrap();
-        assert!(record.interrupted && record.outcome == Outcome::Aborted && record.finished.is_none());
+        assert!(record.interrupted && record.verdict == Verdict::Module(Outcome::Aborted) && record.finished.is_none());
         assert!(!record.is_evidence());
         validate(&serde_json::to_value(&record).unwrap());
     }
@@ -68,6 +70,21 @@ fn a_run_without_end_is_interrupted() {
 #[test]
 fn records_keep_their_schema() {
     validate(&serde_json::to_value(record()).unwrap());
+}
+
+/// Programs that only look at `outcome` find no pass in a run of chosen items.
+#[test]
+fn a_selection_has_no_outcome() {
+    let mut header = header();
+    header.selection = Some(vec!["identity".to_owned()]);
+    let record = RunRecord::from_state(&small_run(header).state).unwrap();
+    assert_eq!(record.verdict, Verdict::Selection(Outcome::Errored));
+    let json = serde_json::to_value(&record).unwrap();
+    assert_eq!((&json["outcome"], &json["selection_outcome"]), (&Value::Null, &Value::from("errored")));
+    validate(&json);
+    assert_eq!(serde_json::from_value::<RunRecord>(json).unwrap(), record);
+    let whole = serde_json::to_value(self::record()).unwrap();
+    assert_eq!((&whole["outcome"], whole.get("selection_outcome")), (&Value::from("errored"), None));
 }
 
 /// A checker would refuse a good record with an item that the schema does not know.

@@ -1,8 +1,9 @@
 use super::*;
-use crate::event::BenchInfo;
+use crate::event::{BenchInfo, EventKind};
 use crate::journal;
 use crate::state::RunState;
-use crate::test_run::{header, small_run};
+use crate::test_run::{SMALL, TestRun, header, job, small_run};
+use crate::verdict::Verdict;
 
 fn record() -> RunRecord {
     RunRecord::from_state(&small_run(header()).state).unwrap()
@@ -61,6 +62,28 @@ fn the_verdict_never_hides_what_it_is_worth() {
     INTERRUPTED (simulated, selection)  ../\u{1b}[2JX  small 1.0  4 not run  in 1.75 s
     "#);
     assert_eq!(RunRecord::from_state(&RunState::new()), None);
+}
+
+/// Good items of a selection have a word of their own, and judging samples again is marked like a simulation.
+#[test]
+fn a_selection_and_a_second_judgement_are_called_what_they_are() {
+    let record = |selection: Option<Vec<String>>, recomputed: Option<crate::event::EarlierRun>| {
+        let mut run = TestRun::new(&job(SMALL), crate::event::RunHeader { selection, recomputed, ..header() });
+        run.emit(EventKind::RunEnded(Verdict::new(Outcome::Passed, run.state.is_selection())));
+        RunRecord::from_state(&run.state).unwrap()
+    };
+    let of = crate::event::EarlierRun { run: "143015-small".to_owned(), journal_sha256: "00".repeat(32) };
+    let told = [record(Some(vec!["identity".to_owned()]), None), record(None, Some(of))].map(|record| {
+        let log = log_txt(&record);
+        assert!(banners(&record).iter().all(|banner| log.matches(banner).count() == 2), "{log}");
+        format!("{}\n{}", verdict_line(&record), banners(&record).join("\n"))
+    });
+    insta::assert_snapshot!(told.join("\n"), @r#"
+    PARTIAL (selection)  DEMO-1  small 1.0  4 not run  in 0.25 s
+    SELECTION (identity): not a pass of the module
+    PASSED (re-judged)  DEMO-1  small 1.0  4 not run  in 0.25 s
+    RE-JUDGED (the samples of run 143015-small by these limits): the module was not tested again
+    "#);
 }
 
 #[test]

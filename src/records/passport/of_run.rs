@@ -12,6 +12,7 @@ use gnc_executive::measurement::Value;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::quantity::Unit;
 use gnc_executive::record::{ItemRecord, RunRecord};
+use gnc_executive::verdict::Verdict;
 use gnc_metrology::earth::STANDARD_GRAVITY_MPS2;
 use gnc_protocol::stream::{ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS};
 use nalgebra::Matrix3;
@@ -82,11 +83,10 @@ pub fn of_run(record: &RunRecord, record_sha256: &str) -> Result<Passport, NoPas
     if record.interrupted {
         return Err(NoPassport::Interrupted);
     }
-    if !record.outcome.is_good() {
-        return Err(NoPassport::Outcome { outcome: record.outcome });
-    }
-    if record.selection.is_some() {
-        return Err(NoPassport::Selection);
+    match record.verdict {
+        Verdict::Module(outcome) if outcome.is_good() => {}
+        Verdict::Selection(outcome) if outcome.is_good() => return Err(NoPassport::Selection),
+        Verdict::Module(outcome) | Verdict::Selection(outcome) => return Err(NoPassport::Outcome { outcome }),
     }
     let found: Vec<(String, Findings)> = record.items.iter().filter_map(findings).collect();
     of(&record.serial_number, supply_v(record), origin(record, record_sha256), &found)
@@ -119,7 +119,7 @@ fn origin(record: &RunRecord, record_sha256: &str) -> Origin {
         program: plain(&format!("{} {}", record.program.name, record.program.version)),
         plan: plain(&format!("{} {}", record.plan.name, record.plan.version)),
         plan_sha256: plain(&record.plan.sha256),
-        outcome: record.outcome.to_string(),
+        outcome: record.verdict.to_string(),
         simulated: record.bench.kind == BenchKind::Simulated,
         recomputed_from: earlier(&record.recomputed),
         resumed_from: earlier(&record.resumed),

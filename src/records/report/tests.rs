@@ -2,7 +2,7 @@
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{
-    BenchInfo, EVENTS_SCHEMA, Event, EventKind, PlanInfo, PlannedItem, ProgramVersion, RunHeader,
+    BenchInfo, EVENTS_SCHEMA, EarlierRun, Event, EventKind, PlanInfo, PlannedItem, ProgramVersion, RunHeader,
 };
 use gnc_executive::limit::{Limit, MeasurementKind};
 use gnc_executive::measurement::{Measurement, Value};
@@ -12,6 +12,7 @@ use gnc_executive::quantity::{Dimension, Unit};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 use gnc_executive::uncertainty::Decision;
+use gnc_executive::verdict::Verdict;
 use serde_json::json;
 
 use super::*;
@@ -55,7 +56,7 @@ fn record(serial_number: &str) -> RunRecord {
         EventKind::Measured { item: item(), attempt: 1, measurement },
         EventKind::AttemptEnded { item: item(), attempt: 1, outcome: Outcome::Failed, error: None },
         EventKind::ItemEnded { item: item(), outcome: Outcome::Failed, cause: None },
-        EventKind::RunEnded { outcome: Outcome::Failed },
+        EventKind::RunEnded(Verdict::Module(Outcome::Failed)),
     ];
     let mut state = RunState::new();
     for (seq, kind) in (0..).zip(kinds) {
@@ -83,6 +84,23 @@ fn a_reader_finds_verdict_value_limit_and_what_to_look_at() {
     ] {
         assert!(page.contains(expected), "{expected} is missing");
     }
+}
+
+/// Neither good items of a selection nor old samples under other limits look like a pass of the module.
+#[test]
+fn what_is_no_pass_does_not_look_like_one() {
+    let mut record = record("SN-1");
+    (record.verdict, record.selection) = (Verdict::Selection(Outcome::Passed), Some(vec!["imu".to_owned()]));
+    let page = shown(&record, &NONE, &[]);
+    for expected in ["<header class=\"partial\"><h1>PARTIAL SN-1<", "SELECTION (imu): not a pass of the module"] {
+        assert!(page.contains(expected), "{expected} is missing");
+    }
+    assert!(!page.contains("PASSED"));
+    (record.verdict, record.selection) = (Verdict::Module(Outcome::Passed), None);
+    record.recomputed = Some(EarlierRun { run: "120000-functional".to_owned(), journal_sha256: "00".repeat(32) });
+    let page = shown(&record, &NONE, &[]);
+    let banner = "RE-JUDGED (the samples of run 120000-functional by these limits): the module was not tested again";
+    assert!(page.contains(banner), "{page}");
 }
 
 /// A serial number with markup, an escape sequence and a reversed direction: the page holds its letters and no markup.

@@ -11,7 +11,7 @@
 //! from day to day. `COUNTER` in the records folder holds the last number and link: it reveals a tail that was cut off.
 //! A person who can write all of these files can forge all of them: keep a copy of `COUNTER` in another place.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -76,7 +76,7 @@ impl ChainEntry {
 ///
 /// # Errors
 /// [`StoreError`]: the disk failed, or another station does not release the lock.
-pub(super) fn append(run: &Path) -> Result<(), StoreError> {
+pub(crate) fn append(run: &Path) -> Result<(), StoreError> {
     let mut above = run.ancestors().skip(2);
     let (Some(day), Some(records)) = (above.next(), above.next()) else {
         return on(Err(io::ErrorKind::NotFound.into()), "find the records folder of", run);
@@ -164,16 +164,68 @@ struct DayChain {
 fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, StoreError> {
     let mut chains = Vec::new();
     for (day, _) in reader::days(records)?.into_iter().rev().take(days) {
-        let path = records.join(day).join(CHAIN);
-        let text = match fs::read_to_string(&path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-            read => on(read, "read", &path)?,
-        };
-        let links: Vec<ChainEntry> = text.lines().filter_map(ChainEntry::parse).collect();
-        let broken = text.lines().count() - links.len();
-        chains.push(DayChain { path, links, broken });
+        chains.extend(chain_of(records, &day)?);
     }
     Ok(chains)
+}
+
+/// The chain of a day, if it has one.
+fn chain_of(records: &Path, day: &str) -> Result<Option<DayChain>, StoreError> {
+    let path = records.join(day).join(CHAIN);
+    let text = match fs::read_to_string(&path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        read => on(read, "read", &path)?,
+    };
+    let links: Vec<ChainEntry> = text.lines().filter_map(ChainEntry::parse).collect();
+    let broken = text.lines().count() - links.len();
+    Ok(Some(DayChain { path, links, broken }))
+}
+
+/// The closed runs of a day, to look them up.
+#[derive(Debug, Default)]
+pub(crate) struct DayLinks(HashMap<String, RunLink>);
+
+/// What the chain says of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct RunLink {
+    /// Its place in the order in which runs were closed.
+    number: u64,
+    /// Digest of its list of digests.
+    pub(crate) digest: String,
+    /// Whether its line is as it was written, and the next line of the day follows from it.
+    pub(crate) is_sound: bool,
+}
+
+impl DayLinks {
+    /// A run by its name in the chain.
+    pub(crate) fn find(&self, run: &str) -> Option<&RunLink> {
+        self.0.get(run)
+    }
+
+    /// Number and name of the closed runs in the folder of a module.
+    pub(crate) fn of_module<'a>(&'a self, folder: &'a str) -> impl Iterator<Item = (u64, &'a str)> {
+        let runs = self.0.iter().filter(move |(run, _)| run.split('/').nth(1) == Some(folder));
+        runs.map(|(run, link)| (link.number, run.as_str()))
+    }
+}
+
+/// The chain of a day. It is empty if the day has none. Links from day to day are left to [`verify`].
+pub(crate) fn of_day(records: &Path, day: &str) -> Result<DayLinks, StoreError> {
+    let Some(mut chain) = chain_of(records, day)? else { return Ok(DayLinks::default()) };
+    chain.links.sort_by_key(|link| link.number);
+    let follows = |at: usize| match (chain.links.get(at), chain.links.get(at + 1)) {
+        (Some(link), Some(next)) if next.number == link.number + 1 => next.before == link.link,
+        // A run that went on past midnight is closed in the day before, so numbers of a day may have gaps.
+        (Some(link), Some(next)) => next.number > link.number,
+        _ => true,
+    };
+    let sound: Vec<bool> = (0..chain.links.len()).map(|at| chain.links[at].is_true() && follows(at)).collect();
+    let links = chain.links.into_iter().zip(sound);
+    let links = links.map(|(link, is_sound)| {
+        let ChainEntry { number, digest, run, .. } = link;
+        (run, RunLink { number, digest, is_sound })
+    });
+    Ok(DayLinks(links.collect()))
 }
 
 /// The result of a check of the chain.

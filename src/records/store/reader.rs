@@ -152,6 +152,11 @@ pub(crate) fn paths_of_day(records: &Path, day: &str) -> Result<Vec<PathBuf>, St
     Ok(serials.iter().flat_map(|serial| folders(serial).unwrap_or_default()).collect())
 }
 
+/// The days that have records, oldest first.
+pub(crate) fn day_names(records: &Path) -> Result<Vec<String>, StoreError> {
+    Ok(folders(records)?.into_iter().filter(|day| is_day(day)).map(|day| name_of(&day)).collect())
+}
+
 /// At most `limit` runs of a day, and whether there are more.
 ///
 /// # Errors

@@ -274,7 +274,7 @@ impl JournalFile {
         on(self.journal.write_all(&self.line), "write", &path)?;
         match &event.kind {
             EventKind::ItemEnded { item, .. } => self.file_item(item)?,
-            EventKind::RunEnded { .. } => self.close_folder()?,
+            EventKind::RunEnded(_) => self.close_folder()?,
             _ => {}
         }
         if sync {

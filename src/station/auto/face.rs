@@ -148,7 +148,7 @@ impl Writer {
             EventKind::StopRequested { by, .. } => {
                 self.say(&format!("stopping: {} (repeat it to stop at once)", printable(by)));
             }
-            EventKind::RunEnded { .. } => {
+            EventKind::RunEnded(_) => {
                 self.ended();
                 self.ring();
             }

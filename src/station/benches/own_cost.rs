@@ -133,8 +133,8 @@ async fn run(job: &Job, records: &Path) {
                 let item = job.item(item).expect("an item").name.clone();
                 journal.emit(EventKind::ItemEnded { item, outcome, cause: None }).await.expect("written");
             }
-            Next::Done { outcome } => {
-                journal.emit(EventKind::RunEnded { outcome }).await.expect("written");
+            Next::Done { verdict } => {
+                journal.emit(EventKind::RunEnded(verdict)).await.expect("written");
                 break;
             }
             Next::Skip { .. } | Next::Wait => unreachable!("nothing is skipped and nothing overlaps"),

@@ -6,10 +6,11 @@ use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::{self, AnalysisInput, FigureError, Findings};
 use gnc_analysis::motion::{self, MotionStep};
 use gnc_executive::details::Details;
-use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, ProgramVersion};
+use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, ProgramVersion, events_schema};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Plan, PlanItem};
+use gnc_executive::verdict::Verdict;
 use gnc_records::store::captures;
 use gnc_text::with_causes;
 
@@ -20,7 +21,7 @@ use super::{fold, info};
 /// A run, judged again.
 pub(super) struct Again {
     pub(super) events: Vec<Event>,
-    pub(super) outcome: Outcome,
+    pub(super) verdict: Verdict,
     /// What differs from the record.
     pub(super) differences: Vec<String>,
     measurements: usize,
@@ -51,7 +52,7 @@ pub(super) fn judge(run: &RecordedRun, plan: &Plan, of: Option<EarlierRun>) -> R
     check_items(run, plan)?;
     let again = Again {
         events: Vec::with_capacity(run.events.len()),
-        outcome: Outcome::Errored,
+        verdict: Verdict::new(Outcome::Errored, run.header.selection.is_some()),
         differences: Vec::new(),
         measurements: 0,
         captured: 0,
@@ -63,10 +64,8 @@ pub(super) fn judge(run: &RecordedRun, plan: &Plan, of: Option<EarlierRun>) -> R
     for event in &run.events {
         judge.take(event)?;
     }
-    judge.again.outcome = fold(&judge.again.events)?.outcome_so_far();
-    if let Some(EventKind::RunEnded { outcome }) = judge.again.events.last().map(|event| &event.kind) {
-        judge.again.outcome = *outcome;
-    }
+    let state = fold(&judge.again.events)?;
+    judge.again.verdict = state.verdict().unwrap_or_else(|| state.verdict_so_far());
     Ok(judge.again)
 }
 
@@ -122,6 +121,7 @@ impl Judge<'_> {
                 if self.of.is_some() {
                     header.plan = info(self.plan);
                     header.recomputed.clone_from(&self.of);
+                    events_schema(header.selection.as_deref()).clone_into(&mut header.schema);
                     let version = env!("CARGO_PKG_VERSION").to_owned();
                     header.program = ProgramVersion { name: env!("CARGO_PKG_NAME").to_owned(), version };
                 }
@@ -151,14 +151,14 @@ impl Judge<'_> {
                 let (item, cause) = (item.clone(), cause.clone());
                 self.emit(event, EventKind::ItemEnded { item, outcome, cause });
             }
-            EventKind::RunEnded { outcome } => {
-                // An outcome of the run that does not come from its items stays.
-                let before = fold(&self.run.events)?.outcome_so_far();
-                let now = fold(&self.again.events)?.outcome_so_far();
-                let beside = (*outcome != before).then_some(*outcome);
-                let now = Outcome::worst(beside.into_iter().chain([now])).unwrap_or(now);
-                self.differs(now != *outcome, || format!("the run was {outcome}, is {now}"));
-                self.emit(event, EventKind::RunEnded { outcome: now });
+            EventKind::RunEnded(verdict) => {
+                let was = verdict.of_selection_if(self.run.header.selection.is_some());
+                // A verdict on the run that does not come from its items stays.
+                let before = fold(&self.run.events)?.verdict_so_far();
+                let now = fold(&self.again.events)?.verdict_so_far();
+                let now = if was == before { now } else { now.at_least(was.of_items()) };
+                self.differs(now != was, || format!("the run was {was}, is {now}"));
+                self.emit(event, EventKind::RunEnded(now));
             }
             other => self.emit(event, other.clone()),
         }

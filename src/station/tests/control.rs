@@ -18,6 +18,7 @@ use gnc_executive::event::{Event, EventKind};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::state::RunState;
+use gnc_executive::verdict::Verdict;
 use gnc_link::{Link, Target};
 use gnc_protocol::calibration::{Calibration, CalibrationCommit, CalibrationWrite};
 use gnc_protocol::message::ModulePower;
@@ -110,7 +111,9 @@ fn check_rounds(rounds: Rounds, on_fail: Option<OnFail>, limit: &str, fates: &[F
     let options = BenchOptions { speed: Speed::Max, ..BenchOptions::default() };
     let done = serve(&request, &options, &RunControl::default(), Fated { fates: fates.iter() }).expect("one round");
     let refused = done.refused.as_ref().map(|error| gnc_text::with_causes(error)).unwrap_or_default();
-    assert_eq!((done.outcomes.as_slice(), refused.as_str()), expected);
+    let ended: Vec<Option<Outcome>> = done.verdicts.iter().map(|verdict| verdict.of_module()).collect();
+    let wanted: Vec<Option<Outcome>> = expected.0.iter().copied().map(Some).collect();
+    assert_eq!((ended, refused.as_str()), (wanted, expected.1));
 }
 
 #[test]
@@ -181,7 +184,7 @@ fn a_stop_ends_a_pause_and_the_run() {
         _ => {}
     });
     assert_eq!(outcomes(&state), [Outcome::Passed, Outcome::NotRun, Outcome::NotRun]);
-    assert_eq!(state.outcome_so_far(), Outcome::Aborted);
+    assert_eq!(state.verdict_so_far(), Verdict::Module(Outcome::Aborted));
 }
 
 /// The second stream is refused while the first one runs. Both get their verdict, one after the other.

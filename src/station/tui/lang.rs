@@ -13,6 +13,7 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::verdict::Verdict;
 
 use super::keymap::KeyAction;
 pub use crate::args::Lang;
@@ -71,6 +72,8 @@ pub(crate) struct Texts {
     // Above everything.
     pub station_title: &'static str,
     pub simulated: &'static str,
+    /// At most three letters for a narrow list, like the other short caveats.
+    pub simulated_short: &'static str,
     pub simulated_long: &'static str,
     pub too_small: &'static str,
     /// What a small screen lacks, and the size from which on it is there.
@@ -124,7 +127,11 @@ pub(crate) struct Texts {
     pub round: &'static str,
     pub round_of: &'static str,
     pub selection: &'static str,
+    pub selection_short: &'static str,
     pub selection_long: &'static str,
+    pub rejudged: &'static str,
+    pub rejudged_short: &'static str,
+    pub rejudged_long: &'static str,
     pub paused: &'static str,
     pub pausing: &'static str,
     pub stopping: &'static str,
@@ -282,13 +289,22 @@ pub(crate) struct Texts {
     pub ask: fn(&Ask) -> String,
     pub key: fn(KeyAction) -> KeyText,
     pub outcome_word: fn(Outcome) -> &'static str,
+    /// Good items of a selection: no pass of the module.
+    pub partial: &'static str,
     /// At most six capital letters, drawn as large as the screen allows. Only letters of [`super::view::big`].
-    pub verdict: fn(Outcome) -> &'static str,
+    pub verdict: fn(Verdict) -> &'static str,
     pub item_title: fn(ItemId) -> &'static str,
     pub level: fn(NoteLevel) -> &'static str,
     pub cause: fn(&Cause) -> String,
     /// The sentence of the catalogue in this language.
     pub look_at_sentence: fn(&'static str) -> &'static str,
+}
+
+impl Texts {
+    /// The end of a run in a word.
+    pub(crate) fn word_of(&self, verdict: Verdict) -> &'static str {
+        verdict.to_show().map_or(self.partial, self.outcome_word)
+    }
 }
 
 /// The text with each `{}` replaced by the next part.

@@ -13,6 +13,7 @@ use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::state::RunState;
+use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
 
 use super::field::InputField;
@@ -243,8 +244,8 @@ pub(crate) struct RunView {
     pub paused: Duration,
     /// Seconds that the round is expected to take.
     pub expected_s: Option<f64>,
-    /// Outcomes of the rounds so far.
-    pub ends: Vec<Outcome>,
+    /// Verdicts of the rounds so far.
+    pub ends: Vec<Verdict>,
     pub rounds: RoundsSetting,
     /// Why the record could not be written.
     pub store_error: Option<String>,
@@ -283,12 +284,13 @@ impl RunView {
     }
 
     /// The verdict, once the run is over. A run that could not be recorded does not pass.
-    pub(crate) fn verdict(&self) -> Option<Outcome> {
+    pub(crate) fn verdict(&self) -> Option<Verdict> {
         if !self.over {
             return None;
         }
-        let worst = Outcome::worst(self.ends.iter().copied()).unwrap_or(Outcome::Errored);
-        Some(if self.store_error.is_some() { Outcome::Errored } else { worst })
+        let errored = Verdict::new(Outcome::Errored, self.state.is_selection());
+        let worst = Verdict::worst(self.ends.iter().copied()).unwrap_or(errored);
+        Some(if self.store_error.is_some() { errored } else { worst })
     }
 
     /// Items whose work is worth repeating, and those that were skipped because of them.
@@ -530,7 +532,7 @@ impl ScreenModel {
 /// Rows of a run in the order in which they are shown: as planned while it runs, the bad ones first when it has ended.
 pub(crate) fn order(state: &RunState) -> Vec<usize> {
     let mut order: Vec<usize> = (0..state.rows().len()).collect();
-    if state.outcome().is_some() {
+    if state.verdict().is_some() {
         order.sort_by_key(|position| rank(state.rows()[*position].outcome));
     }
     order

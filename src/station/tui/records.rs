@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use chrono::{DateTime, FixedOffset};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::state::RunState;
+use gnc_executive::verdict::Verdict;
 
 use super::field::InputField;
 use super::lang::Texts;
@@ -24,8 +25,8 @@ pub(crate) struct Day {
 /// How a run came out, as far as a list shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RunMark {
-    /// The run has this outcome, and its folder was closed.
-    Outcome(Outcome),
+    /// The run ended so, and its folder was closed.
+    Ended(Verdict),
     /// The run has no end.
     Interrupted,
     /// Its folder was not closed.
@@ -40,7 +41,7 @@ impl RunMark {
     /// The mark in a word.
     pub(crate) fn word(self, texts: &Texts) -> &'static str {
         match self {
-            Self::Outcome(outcome) => (texts.outcome_word)(outcome),
+            Self::Ended(verdict) => texts.word_of(verdict),
             Self::Interrupted => texts.interrupted,
             Self::Unsealed => texts.unsealed,
             Self::Unreadable => texts.unreadable,
@@ -59,6 +60,7 @@ pub(crate) struct RunLine {
     pub mark: RunMark,
     pub simulated: bool,
     pub selection: bool,
+    pub rejudged: bool,
     pub elapsed_s: f64,
 }
 
@@ -118,7 +120,7 @@ pub(crate) struct Records {
     pub run_cursor: usize,
     /// Something is being read.
     pub reading: bool,
-    pub filter: Option<Outcome>,
+    pub filter: Option<Verdict>,
     pub search: InputField,
     pub open: Option<OpenRun>,
     pub error: Option<String>,
@@ -132,9 +134,9 @@ impl Records {
         lines
             .filter(|line| match (self.filter, line.mark) {
                 (None, _) => true,
-                (Some(wanted), RunMark::Outcome(outcome)) => wanted == outcome,
+                (Some(wanted), RunMark::Ended(verdict)) => wanted.to_show() == verdict.to_show(),
                 // A run without an end or a seal does not pass; the filter for aborted runs shows it.
-                (Some(wanted), _) => wanted == Outcome::Aborted,
+                (Some(wanted), _) => wanted.to_show() == Some(Outcome::Aborted),
             })
             .filter(|line| wanted.is_empty() || line.serial_number.to_lowercase().contains(&wanted))
             .collect()
@@ -142,13 +144,14 @@ impl Records {
 
     /// Chooses the next filter.
     pub(crate) fn turn_filter(&mut self) {
-        const TURN: [Option<Outcome>; 6] = [
+        const TURN: [Option<Verdict>; 7] = [
             None,
-            Some(Outcome::Failed),
-            Some(Outcome::Errored),
-            Some(Outcome::Aborted),
-            Some(Outcome::Marginal),
-            Some(Outcome::Passed),
+            Some(Verdict::Module(Outcome::Failed)),
+            Some(Verdict::Module(Outcome::Errored)),
+            Some(Verdict::Module(Outcome::Aborted)),
+            Some(Verdict::Module(Outcome::Marginal)),
+            Some(Verdict::Module(Outcome::Passed)),
+            Some(Verdict::Selection(Outcome::Passed)),
         ];
         let at = TURN.iter().position(|filter| *filter == self.filter).unwrap_or(0);
         self.filter = TURN[(at + 1) % TURN.len()];

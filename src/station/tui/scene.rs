@@ -8,8 +8,8 @@ use chrono::{DateTime, FixedOffset, TimeDelta};
 use gnc_board::{Readings, StreamReading};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{
-    BenchInfo, BenchKind, BoardInfo, EVENTS_SCHEMA, Event, EventKind, PlanInfo, PlannedItem, Power, ProgramVersion,
-    RunHeader,
+    BenchInfo, BenchKind, BoardInfo, EVENTS_SCHEMA, EarlierRun, Event, EventKind, PlanInfo, PlannedItem, Power,
+    ProgramVersion, RunHeader, events_schema,
 };
 use gnc_executive::measurement::{Measurement, Reading};
 use gnc_executive::outcome::Outcome;
@@ -37,6 +37,8 @@ pub struct Scene {
     now: Now,
     run_began: Duration,
     seq: u64,
+    /// The runs that are played were judged again.
+    pub(crate) rejudged: bool,
 }
 
 impl Scene {
@@ -71,7 +73,7 @@ impl Scene {
         update(&mut model, Msg::Plan { path: "test-plans/functional.toml".into(), plan: Loaded::Ready(plan) });
         let terminal = Terminal::new(TestBackend::new(width, height)).map_err(std::io::Error::other)?;
         let plan = ("functional", items());
-        Ok(Self { model, plan, terminal, now, run_began: Duration::ZERO, seq: 0 })
+        Ok(Self { model, plan, terminal, now, run_began: Duration::ZERO, seq: 0, rejudged: false })
     }
 
     /// A screen in the middle of a run: three items at work, curves of a minute on the live page.
@@ -131,16 +133,16 @@ impl Scene {
 
     /// Scans a number, starts, and lets the board answer.
     pub(crate) fn start(&mut self, serial_number: &str) {
-        self.start_run(serial_number, None);
+        self.start_with(serial_number, None);
     }
 
     /// The same with chosen items.
     #[cfg(test)]
-    pub(crate) fn start_selection(&mut self, serial_number: &str, items: &[&str]) {
-        self.start_run(serial_number, Some(items.iter().map(|item| (*item).to_owned()).collect()));
+    pub(crate) fn start_selection(&mut self, serial_number: &str, names: &[&str]) {
+        self.start_with(serial_number, Some(names.iter().map(|name| (*name).to_owned()).collect()));
     }
 
-    fn start_run(&mut self, serial_number: &str, selection: Option<Vec<String>>) {
+    fn start_with(&mut self, serial_number: &str, selection: Option<Vec<String>>) {
         self.types(serial_number);
         self.key(Key::Enter);
         self.key(Key::F(5));
@@ -149,8 +151,14 @@ impl Scene {
         self.tell(Msg::Prepared(Box::new(prepared)));
         self.run_began = self.now.since_start;
         self.seq = 0;
-        let (plan, items) = self.plan.clone();
-        let header = Box::new(RunHeader { selection, ..header(serial_number, plan) });
+        let (plan, mut items) = self.plan.clone();
+        for item in &mut items {
+            item.selected = selection.as_ref().is_none_or(|names| names.contains(&item.name));
+        }
+        let schema = events_schema(selection.as_deref()).to_owned();
+        let recomputed =
+            self.rejudged.then(|| EarlierRun { run: "140500-functional".to_owned(), journal_sha256: "00".repeat(32) });
+        let header = Box::new(RunHeader { schema, selection, recomputed, ..header(serial_number, plan) });
         self.event(EventKind::RunStarted { header, items });
         self.tell(Msg::RoundBegins { folder: "records/2026-11-22/DEMO-1/143000-functional".into() });
         self.event(EventKind::BoardFound(BoardInfo {
@@ -206,7 +214,8 @@ impl Scene {
     /// Ends without the board: whether the module is off is not known.
     #[cfg(test)]
     pub(crate) fn run_ends_at_once(&mut self, outcome: Outcome) {
-        self.event(EventKind::RunEnded { outcome });
+        let is_selection = self.model.run.as_ref().is_some_and(|run| run.state.is_selection());
+        self.event(EventKind::RunEnded(gnc_executive::verdict::Verdict::new(outcome, is_selection)));
         self.tell(Msg::RunOver { store_error: None, refusal: None });
     }
 

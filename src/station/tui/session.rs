@@ -17,7 +17,7 @@ use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use gnc_bench::control::RunControl;
 use gnc_bench::fixture::OperatorQuestion;
 use gnc_bench::runner::Live;
-use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, oneshot};
 
@@ -122,8 +122,8 @@ impl ScreenSession {
         self.told.clone()
     }
 
-    /// Serves the screen until the operator leaves. Returns the outcome of a run that the end of the program stopped.
-    pub(crate) async fn serve(mut self) -> Option<Outcome> {
+    /// Serves the screen until the operator leaves. Returns the verdict of a run that the end of the program stopped.
+    pub(crate) async fn serve(mut self) -> Option<Verdict> {
         let (ask, mut questions) = mpsc::channel::<OperatorQuestion>(QUESTIONS);
         let mut waiting: VecDeque<OperatorQuestion> = VecDeque::new();
         let mut running: Option<Running> = None;
@@ -146,7 +146,7 @@ impl ScreenSession {
                     running = None;
                     waiting.clear();
                     if ending {
-                        return finished.outcome();
+                        return finished.verdict();
                     }
                     self.tell(finished.into_msg());
                 }

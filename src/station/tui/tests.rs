@@ -10,6 +10,7 @@ use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{AttemptError, BoardBreach, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::verdict::Verdict;
 use gnc_records::shift::{ModuleOfShift, Shift};
 use gnc_rig::{Along, Orientation};
 
@@ -95,6 +96,7 @@ fn line(serial_number: &str, minute: u32, mark: RunMark) -> RunLine {
         mark,
         simulated: true,
         selection: minute == 7,
+        rejudged: minute == 9,
         elapsed_s: 4.86,
     }
 }
@@ -112,9 +114,9 @@ fn records(scene: &mut Scene) {
 fn runs(scene: &mut Scene) {
     records(scene);
     let lines = vec![
-        line("DEMO-1", 5, RunMark::Outcome(Outcome::Failed)),
-        line("DEMO-1", 7, RunMark::Outcome(Outcome::Passed)),
-        line("DEMO-2", 9, RunMark::Outcome(Outcome::Errored)),
+        line("DEMO-1", 5, RunMark::Ended(Verdict::Module(Outcome::Failed))),
+        line("DEMO-1", 7, RunMark::Ended(Verdict::Selection(Outcome::Passed))),
+        line("DEMO-2", 9, RunMark::Ended(Verdict::Module(Outcome::Errored))),
         line("模块-3", 11, RunMark::Interrupted),
     ];
     scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
@@ -126,7 +128,7 @@ fn record(scene: &mut Scene) {
     fail(&mut played);
     let state = played.model.run.take().expect("a run").state;
     let path = "records/2026-11-22/DEMO-1/140500-functional".into();
-    scene.tell(Msg::Opened(Ok(Box::new((path, state, RunMark::Outcome(Outcome::Failed))))));
+    scene.tell(Msg::Opened(Ok(Box::new((path, state, RunMark::Ended(Verdict::Module(Outcome::Failed)))))));
 }
 
 /// Three modules of a shift: passed at once, passed at the second try, errored.
@@ -162,7 +164,7 @@ fn idle() {
         scene.types("DEMO-1");
         scene.key(Key::Enter);
         let at = chrono::DateTime::parse_from_rfc3339("2026-11-22T09:12:00+08:00").expect("a time");
-        let run = Some(Earlier { at, mark: RunMark::Outcome(Outcome::Failed) });
+        let run = Some(Earlier { at, mark: RunMark::Ended(Verdict::Module(Outcome::Failed)) });
         scene.tell(Msg::Earlier { serial_number: "DEMO-1".into(), run });
     });
 }
@@ -422,7 +424,7 @@ fn a_second_test_is_asked_for() {
     let mut scene = scene(Lang::En);
     fail(&mut scene);
     let at = chrono::DateTime::parse_from_rfc3339("2026-11-22T14:30:00+08:00").expect("a time");
-    let earlier = || found(Some(Earlier { at, mark: RunMark::Outcome(Outcome::Failed) }));
+    let earlier = || found(Some(Earlier { at, mark: RunMark::Ended(Verdict::Module(Outcome::Failed)) }));
     assert_eq!(scene.key(Key::F(5)), Some(look()));
     assert_eq!(scene.tell(earlier()), None);
     assert!(scene.text().contains("Test it again?"), "{}", scene.text());
@@ -458,7 +460,7 @@ fn stop_pause_abort_and_leave() {
     assert!(scene.text().contains("Stop now"), "{}", scene.text());
     assert_eq!(scene.key(Key::F(10)), None, "a run is on");
     assert_eq!(scene.key(Key::Enter), Some(Effect::Stop));
-    scene.event(EventKind::RunEnded { outcome: Outcome::Aborted });
+    scene.event(EventKind::RunEnded(Verdict::Module(Outcome::Aborted)));
     assert_eq!(scene.tell(Msg::RunOver { store_error: None, refusal: None }), Some(Effect::Leave));
 }
 
@@ -519,9 +521,72 @@ fn missed_events_are_read_from_the_record() {
     let state = played.model.run.take().expect("a run").state;
     let of_another = Msg::Refolded { folder: "records/another".into(), state: Ok(Box::new(state.clone())) };
     scene.tell(of_another);
-    assert_ne!(scene.model.run.as_ref().and_then(super::model::RunView::verdict), Some(Outcome::Failed));
+    assert_ne!(
+        scene.model.run.as_ref().and_then(super::model::RunView::verdict),
+        Some(Verdict::Module(Outcome::Failed))
+    );
     scene.tell(Msg::Refolded { folder, state: Ok(Box::new(state)) });
-    assert_eq!(scene.model.run.as_ref().and_then(super::model::RunView::verdict), Some(Outcome::Failed));
+    assert_eq!(
+        scene.model.run.as_ref().and_then(super::model::RunView::verdict),
+        Some(Verdict::Module(Outcome::Failed))
+    );
+}
+
+/// Good items of a selection show their own word at every size and in every language, and no pass anywhere.
+#[test]
+fn a_selection_is_no_pass_at_any_size() {
+    for lang in Lang::ALL {
+        let (passed, partial) = ((lang.texts().outcome_word)(Outcome::Passed), lang.texts().partial);
+        for (width, height) in [(160, 50), (80, 24), (80, 23), (20, 6)] {
+            let mut scene = Scene::new(lang, width, height).expect("memory");
+            scene.start_selection("DEMO-1", &["cpu"]);
+            scene.event(EventKind::ItemStarted { item: "cpu".into(), attempt: 1 });
+            scene.ends("cpu", Outcome::Passed);
+            scene.run_ends(Outcome::Passed);
+            let text = scene.text();
+            let told = text.to_lowercase();
+            assert!(told.contains(&partial.to_lowercase()), "{lang:?} {width}: {text}");
+            // The item itself passed, and its row says so; the verdict does not.
+            let verdict = told.lines().filter(|line| !line.contains("cpu"));
+            let verdict: String = verdict.map(|line| format!("{line}\n")).collect();
+            assert!(!verdict.contains(passed), "{lang:?} {width}: {verdict}");
+            assert_eq!(
+                scene.model.run.as_ref().and_then(super::model::RunView::verdict).map(Verdict::passes_module),
+                Some(false)
+            );
+            if lang == Lang::En && height > 23 {
+                insta::assert_snapshot!(format!("partial-{lang:?}-{width}"), text);
+            }
+        }
+    }
+}
+
+/// A run that was judged again says so in the list and on its page.
+#[test]
+fn a_second_judgement_is_marked() {
+    for lang in Lang::ALL {
+        let texts = lang.texts();
+        let mut scene = Scene::new(lang, 160, 50).expect("memory");
+        runs(&mut scene);
+        let row = |scene: &mut Scene| {
+            let text = scene.text();
+            text.lines().find(|line| line.contains("DEMO-2")).map(str::to_owned).expect("a row")
+        };
+        assert!(row(&mut scene).contains(texts.rejudged), "{lang:?}");
+        scene.resize(80, 24);
+        assert!(row(&mut scene).contains(&format!("{} {}", texts.simulated_short, texts.rejudged_short)), "{lang:?}");
+        let mut played = Scene::new(lang, 80, 24).expect("memory");
+        played.rejudged = true;
+        fail(&mut played);
+        let state = played.model.run.take().expect("a run").state;
+        let path = "records/2026-11-22/DEMO-2/140900-functional-recomputed".into();
+        scene.tell(Msg::Opened(Ok(Box::new((path, state, RunMark::Ended(Verdict::Module(Outcome::Failed)))))));
+        let long = texts.rejudged_long.replace("{}", "140500-functional");
+        for (width, height) in SIZES {
+            scene.resize(width, height);
+            assert!(scene.text().contains(&long), "{}", scene.text());
+        }
+    }
 }
 
 /// A run whose record could not be written does not pass, whatever its items say.
@@ -530,9 +595,12 @@ fn a_lost_record_is_no_pass() {
     let mut scene = scene(Lang::En);
     scene.start("DEMO-1");
     scene.passes(&["identity"]);
-    scene.event(EventKind::RunEnded { outcome: Outcome::Passed });
+    scene.event(EventKind::RunEnded(Verdict::Module(Outcome::Passed)));
     scene.tell(Msg::RunOver { store_error: Some("no space left on device".into()), refusal: None });
-    assert_eq!(scene.model.run.as_ref().and_then(super::model::RunView::verdict), Some(Outcome::Errored));
+    assert_eq!(
+        scene.model.run.as_ref().and_then(super::model::RunView::verdict),
+        Some(Verdict::Module(Outcome::Errored))
+    );
     assert!(scene.text().contains("no space left"), "{}", scene.text());
 }
 
@@ -544,6 +612,9 @@ fn runs_are_found() {
     scene.key(Key::F(4));
     assert_eq!(scene.model.records.shown().len(), 1, "the failed one");
     (0..5).for_each(|_| drop(scene.key(Key::F(4))));
+    let partial: Vec<_> = scene.model.records.shown().iter().map(|run| run.mark).collect();
+    assert_eq!(partial, [RunMark::Ended(Verdict::Selection(Outcome::Passed))], "the selection is not among the passed");
+    scene.key(Key::F(4));
     scene.types("demo-2");
     let shown = scene.model.records.shown();
     assert_eq!(shown.iter().map(|run| run.serial_number.as_str()).collect::<Vec<_>>(), ["DEMO-2"]);

@@ -57,7 +57,7 @@ fn too_small(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     // The outcome matters most, and it fits anywhere.
     if let Some(run) = &model.run {
         let word = match run.verdict() {
-            Some(outcome) => (model.texts.outcome_word)(outcome),
+            Some(verdict) => model.texts.word_of(verdict),
             None => model.texts.running,
         };
         lines.insert(0, Line::styled(word.to_uppercase(), style::strong()));

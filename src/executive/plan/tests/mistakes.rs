@@ -381,7 +381,7 @@ fn what_is_no_plan_at_all() {
     plan.toml:3:1: unknown key "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx…"
      3 | xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx
        | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
-       = try: the keys are description, include, item, name, on_fail, version
+       = try: the keys are description, include, item, name, on_fail, requires_plan, valid_days, version
 
     plan.toml:3:3007: unexpected key or value, expected newline, `#`
      3 | 1, 1, 1, 1, 1, 1, 1, 1, ], unexpected = 2
@@ -397,4 +397,46 @@ fn a_plan_without_an_item_is_refused() {
         let plan = format!("name = \"a\"\nversion = \"1\"\n{text}");
         assert_eq!(mistakes(&plan), "the plan has no items\n  try: begin each item with a line [[item]]");
     }
+}
+
+/// The plans that must come before, and how long a pass counts.
+#[test]
+fn required_plans_are_checked() {
+    let item = "\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n";
+    let good =
+        plan(&format!("name = \"f\"\nversion = \"1\"\nrequires_plan = [\"incoming\", \"a.b\"]\nvalid_days = 7{item}"));
+    assert_eq!((good.requires_plan, good.valid_days), (vec!["incoming".to_owned(), "a.b".to_owned()], 7));
+    let silent = plan(&format!("name = \"f\"\nversion = \"1\"{item}"));
+    assert_eq!((silent.requires_plan, silent.valid_days), (Vec::new(), 30));
+    let wrong =
+        "requires_plan = [\"incoming\", \"In coming\", \"f\", \"incoming\", 3]\nvalid_days = 0\nrequire_plan = []";
+    insta::assert_snapshot!(mistakes(&format!("name = \"f\"\nversion = \"1\"\n{wrong}{item}")), @r#"
+    plan.toml:3:30: "In coming" cannot be used as the name of a folder
+     3 | requires_plan = ["incoming", "In coming", "f", "incoming", 3]
+       |                              ^^^^^^^^^^^
+       = try: small letters, digits, - _ and . are allowed, at most 64 of them, a letter or digit first
+
+    plan.toml:3:43: the plan requires itself
+     3 | requires_plan = ["incoming", "In coming", "f", "incoming", 3]
+       |                                           ^^^
+       = try: name another plan, or remove this name
+
+    plan.toml:3:48: "incoming" is required twice
+     3 | requires_plan = ["incoming", "In coming", "f", "incoming", 3]
+       |                                                ^^^^^^^^^^
+       = try: remove one of them
+
+    plan.toml:3:60: "requires_plan" is a whole number, and must be a list of texts in quotes
+     3 | requires_plan = ["incoming", "In coming", "f", "incoming", 3]
+       |                                                            ^
+
+    plan.toml:4:14: valid_days is 0, and must be 1 to 3653
+     4 | valid_days = 0
+       |              ^
+
+    plan.toml:5:1: unknown key "require_plan"
+     5 | require_plan = []
+       | ^^^^^^^^^^^^
+       = try: did you mean "requires_plan"?
+    "#);
 }

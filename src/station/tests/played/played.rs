@@ -36,7 +36,7 @@ pub(crate) fn run_plan(
         state
     });
     let done = serve(&request(plan), options, &control, Told { events: Some(told) });
-    assert_eq!(done.expect("a run").outcomes.len(), 1);
+    assert_eq!(done.expect("a run").verdicts.len(), 1);
     observer.join().expect("an observer")
 }
 

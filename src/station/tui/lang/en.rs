@@ -4,6 +4,7 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::verdict::Verdict;
 
 use super::{KeyText, Texts};
 use crate::tui::keymap::KeyAction;
@@ -23,6 +24,7 @@ pub(super) static TEXTS: Texts = Texts {
     mistakes: "Mistakes",
     station_title: "GNC test station",
     simulated: "SIMULATED",
+    simulated_short: "SIM",
     simulated_long: "SIMULATED BENCH ({}): no evidence about any module",
     too_small: "This terminal has {} columns and {} rows. From 24 x 6 on it shows more, from 80 x 24 on everything: make the window larger or its letters smaller.",
     small_screen: "The whole page needs {} columns and {} rows.",
@@ -63,7 +65,11 @@ pub(super) static TEXTS: Texts = Texts {
     round: "Round",
     round_of: "{} of {}",
     selection: "SELECTION",
+    selection_short: "SEL",
     selection_long: "SELECTION: not a pass of the module",
+    rejudged: "RE-JUDGED",
+    rejudged_short: "RJ",
+    rejudged_long: "RE-JUDGED (samples of {}): the module was not tested again",
     paused: "PAUSED",
     pausing: "pausing when items end",
     stopping: "STOPPING",
@@ -212,6 +218,7 @@ pub(super) static TEXTS: Texts = Texts {
     ask,
     key,
     outcome_word,
+    partial: "partial",
     verdict,
     item_title: |item: ItemId| item.spec().title,
     level,
@@ -276,14 +283,15 @@ fn outcome_word(outcome: Outcome) -> &'static str {
     }
 }
 
-fn verdict(outcome: Outcome) -> &'static str {
-    match outcome {
-        Outcome::Passed => "PASS",
-        Outcome::Marginal => "MARGIN",
-        Outcome::Failed => "FAIL",
-        Outcome::Errored => "ERROR",
-        Outcome::Aborted => "ABORT",
-        Outcome::Skipped | Outcome::NotRun => "NONE",
+fn verdict(verdict: Verdict) -> &'static str {
+    match verdict.to_show() {
+        None => "PART",
+        Some(Outcome::Passed) => "PASS",
+        Some(Outcome::Marginal) => "MARGIN",
+        Some(Outcome::Failed) => "FAIL",
+        Some(Outcome::Errored) => "ERROR",
+        Some(Outcome::Aborted) => "ABORT",
+        Some(Outcome::Skipped | Outcome::NotRun) => "NONE",
     }
 }
 

@@ -3,6 +3,7 @@
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::verdict::Verdict;
 
 use super::ask::AskTexts;
 use super::ru_catalogue::{item_title, look_at_sentence};
@@ -24,6 +25,7 @@ pub(super) static TEXTS: Texts = Texts {
     mistakes: "Ошибки",
     station_title: "Стенд ГНК",
     simulated: "ИМИТАЦИЯ",
+    simulated_short: "ИМ",
     simulated_long: "ИМИТАЦИЯ СТЕНДА ({}): о модуле ничего не говорит",
     too_small: "В этом терминале {} столбцов и {} строк. С 24 x 6 видно больше, с 80 x 24 — всё: увеличьте окно или уменьшите шрифт.",
     small_screen: "Вся страница требует {} столбцов и {} строк.",
@@ -64,7 +66,11 @@ pub(super) static TEXTS: Texts = Texts {
     round: "Круг",
     round_of: "{} из {}",
     selection: "ВЫБОРКА",
+    selection_short: "ВЫБ",
     selection_long: "ВЫБОРКА: модуль этим не принят",
+    rejudged: "ПЕРЕОЦЕНКА",
+    rejudged_short: "ПЕР",
+    rejudged_long: "ПЕРЕОЦЕНКА (отсчёты {}): модуль заново не проверялся",
     paused: "ПАУЗА",
     pausing: "пауза после проверок",
     stopping: "ОСТАНОВКА",
@@ -213,6 +219,7 @@ pub(super) static TEXTS: Texts = Texts {
     ask,
     key,
     outcome_word,
+    partial: "частично",
     verdict,
     item_title,
     level,
@@ -299,14 +306,15 @@ fn outcome_word(outcome: Outcome) -> &'static str {
     }
 }
 
-fn verdict(outcome: Outcome) -> &'static str {
-    match outcome {
-        Outcome::Passed => "ГОДЕН",
-        Outcome::Marginal => "ПРЕДЕЛ",
-        Outcome::Failed => "БРАК",
-        Outcome::Errored => "СБОЙ",
-        Outcome::Aborted => "СТОП",
-        Outcome::Skipped | Outcome::NotRun => "НЕТ",
+fn verdict(verdict: Verdict) -> &'static str {
+    match verdict.to_show() {
+        None => "ЧАСТЬ",
+        Some(Outcome::Passed) => "ГОДЕН",
+        Some(Outcome::Marginal) => "ПРЕДЕЛ",
+        Some(Outcome::Failed) => "БРАК",
+        Some(Outcome::Errored) => "СБОЙ",
+        Some(Outcome::Aborted) => "СТОП",
+        Some(Outcome::Skipped | Outcome::NotRun) => "НЕТ",
     }
 }
 

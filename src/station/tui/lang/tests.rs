@@ -131,8 +131,10 @@ fn keys_fit_into_the_last_line() {
 fn verdicts_can_be_drawn() {
     for lang in Lang::ALL {
         let judged = [Outcome::Passed, Outcome::Marginal, Outcome::Failed, Outcome::Errored, Outcome::Aborted];
-        let words: BTreeSet<&str> = judged.into_iter().map(lang.texts().verdict).collect();
-        assert_eq!(words.len(), judged.len(), "{lang:?}");
+        let partial = Verdict::Selection(Outcome::Passed);
+        let all = judged.into_iter().map(Verdict::Module).chain([partial]);
+        let words: BTreeSet<&str> = all.map(lang.texts().verdict).collect();
+        assert_eq!(words.len(), judged.len() + 1, "{lang:?}");
         for word in words {
             assert!(word.chars().count() <= 6 && crate::tui::view::can_draw(word), "{lang:?}: {word}");
         }

@@ -3,6 +3,7 @@
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::verdict::Verdict;
 
 use super::ask::AskTexts;
 use super::zh_catalogue::{item_title, look_at_sentence};
@@ -24,6 +25,7 @@ pub(super) static TEXTS: Texts = Texts {
     mistakes: "错误",
     station_title: "GNC 测试台",
     simulated: "模拟",
+    simulated_short: "模",
     simulated_long: "模拟台架（{}）：不能证明任何模块的质量",
     too_small: "此终端为 {} 列 {} 行。24 x 6 起显示更多，80 x 24 起显示全部：请放大窗口或缩小字体。",
     small_screen: "完整页面需要 {} 列 {} 行。",
@@ -64,7 +66,11 @@ pub(super) static TEXTS: Texts = Texts {
     round: "轮次",
     round_of: "第 {} 轮，共 {} 轮",
     selection: "部分项目",
+    selection_short: "选",
     selection_long: "部分项目：不是整个模块的合格结论",
+    rejudged: "重新判定",
+    rejudged_short: "重",
+    rejudged_long: "重新判定（{} 的采样）：模块没有重新测试",
     paused: "已暂停",
     pausing: "当前项目完成后暂停",
     stopping: "正在停止",
@@ -213,6 +219,7 @@ pub(super) static TEXTS: Texts = Texts {
     ask,
     key,
     outcome_word,
+    partial: "仅部分",
     verdict,
     item_title,
     level,
@@ -300,14 +307,15 @@ fn outcome_word(outcome: Outcome) -> &'static str {
 
 /// The verdict in Latin letters, as production lines everywhere print it. The Chinese word stands beside it in the
 /// border.
-fn verdict(outcome: Outcome) -> &'static str {
-    match outcome {
-        Outcome::Passed => "PASS",
-        Outcome::Marginal => "MARGIN",
-        Outcome::Failed => "FAIL",
-        Outcome::Errored => "ERROR",
-        Outcome::Aborted => "ABORT",
-        Outcome::Skipped | Outcome::NotRun => "NONE",
+fn verdict(verdict: Verdict) -> &'static str {
+    match verdict.to_show() {
+        None => "PART",
+        Some(Outcome::Passed) => "PASS",
+        Some(Outcome::Marginal) => "MARGIN",
+        Some(Outcome::Failed) => "FAIL",
+        Some(Outcome::Errored) => "ERROR",
+        Some(Outcome::Aborted) => "ABORT",
+        Some(Outcome::Skipped | Outcome::NotRun) => "NONE",
     }
 }
 

@@ -63,6 +63,7 @@ fn line(found: reader::FoundRun) -> RunLine {
             at: Some(run.started),
             simulated: run.bench.kind == BenchKind::Simulated,
             selection: run.selection.is_some(),
+            rejudged: run.recomputed.is_some(),
             serial_number: run.serial_number,
             plan: run.plan.name,
             mark,
@@ -76,6 +77,7 @@ fn line(found: reader::FoundRun) -> RunLine {
             mark,
             simulated: false,
             selection: false,
+            rejudged: false,
             elapsed_s: 0.0,
         },
     }
@@ -93,7 +95,7 @@ fn mark(run: &RunRecord, sealed: bool) -> RunMark {
     match run.interrupted {
         true => RunMark::Interrupted,
         false if !sealed => RunMark::Unsealed,
-        false => RunMark::Outcome(run.outcome),
+        false => RunMark::Ended(run.verdict),
     }
 }
 
@@ -132,9 +134,9 @@ pub(super) fn last_whole_run_s(records: &Path, plan_sha256: &str, kind: BenchKin
         .find(|run| {
             run.plan.sha256 == plan_sha256
                 && run.bench.kind == kind
-                && run.selection.is_none()
+                && run.recomputed.is_none()
                 && !run.interrupted
-                && run.outcome.is_good()
+                && run.verdict.passes_module()
         })
         .map(|run| run.elapsed_s)
 }

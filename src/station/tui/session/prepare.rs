@@ -60,7 +60,7 @@ impl Look {
                 && run.selection == self.selection
                 && run.recomputed.is_none()
         })?;
-        let broke_off = run.interrupted || run.outcome == Outcome::Aborted;
+        let broke_off = run.interrupted || run.verdict.of_items() == Outcome::Aborted;
         let captured = || captures::files(&folder).is_ok_and(|files| !files.is_empty());
         let fits = broke_off && captured() && Resumed::read(&folder, like).is_ok();
         fits.then_some(Interrupted { folder, at: run.started })

@@ -9,8 +9,8 @@ use gnc_bench::fixture::{Fixture, OperatorQuestion};
 use gnc_bench::runner::{Ending, Live, looking};
 use gnc_bench::service::{self, Observer, RunRequest};
 use gnc_executive::event::Event;
-use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
+use gnc_executive::verdict::Verdict;
 use gnc_records::store::Watcher;
 use gnc_text::with_causes;
 use tokio::sync::mpsc;
@@ -37,8 +37,8 @@ pub(super) struct Handles {
 #[derive(Debug)]
 pub(super) enum Finished {
     Run {
-        /// The worst outcome of all rounds.
-        outcome: Option<Outcome>,
+        /// The worst verdict of all rounds.
+        verdict: Option<Verdict>,
         /// Why a record could not be written.
         store_error: Option<String>,
         /// Why a round was not begun.
@@ -49,9 +49,9 @@ pub(super) enum Finished {
 }
 
 impl Finished {
-    pub(super) fn outcome(&self) -> Option<Outcome> {
+    pub(super) fn verdict(&self) -> Option<Verdict> {
         match self {
-            Self::Run { outcome, .. } => *outcome,
+            Self::Run { verdict, .. } => *verdict,
             Self::Watch { .. } => None,
         }
     }
@@ -89,7 +89,7 @@ fn nothing_held() -> CommandRefusal {
 pub(super) async fn run(held: Held, start: StartRequest, one_by_one: bool, handles: Handles) -> Finished {
     match prepare(held, start, one_by_one, &handles) {
         Ok((request, setup)) => serve(&request, setup, handles).await,
-        Err(refusal) => Finished::Run { outcome: None, store_error: None, refusal: Some(in_words(&refusal)) },
+        Err(refusal) => Finished::Run { verdict: None, store_error: None, refusal: Some(in_words(&refusal)) },
     }
 }
 
@@ -135,12 +135,12 @@ async fn serve(request: &RunRequest, setup: Setup, handles: Handles) -> Finished
     let serial_number = request.serial_number.clone();
     let mut shown = Shown { screen: handles.screen, told: handles.told, serial_number, store_error: None };
     let done = service::run(request, equipment, &handles.control, &handles.live, &mut shown).await;
-    let (outcome, refused) = match done {
-        Ok(done) => (Some(done.outcome()), done.refused),
+    let (verdict, refused) = match done {
+        Ok(done) => (Some(done.verdict()), done.refused),
         Err(refused) => (None, Some(refused)),
     };
     let refusal = refused.map(|error| in_words(&CommandRefusal::new(with_causes(&error), error.try_this())));
-    Finished::Run { outcome, store_error: shown.store_error, refusal }
+    Finished::Run { verdict, store_error: shown.store_error, refusal }
 }
 
 /// Tells the screen of each round. A screen that is far behind reads the record later.
@@ -162,7 +162,7 @@ impl Observer for Shown {
     }
 
     async fn end(&mut self, folder: &Path, ending: &Ending) {
-        self.told.verdict(folder, &self.serial_number, ending.outcome);
+        self.told.verdict(folder, &self.serial_number, ending.verdict);
         if let Some(error) = &ending.store_error {
             self.store_error = Some(format!("{}; {}", with_causes(error), error.try_this()));
         }

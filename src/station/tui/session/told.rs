@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use chrono::{Local, NaiveTime};
-use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
 use gnc_records::shift::{self, Shift, ShiftBook, ShiftOf};
 use tokio::sync::{Notify, mpsc};
 
@@ -42,9 +42,9 @@ impl Told {
     }
 
     /// Tells a verdict. Returns at once.
-    pub(super) fn verdict(&self, folder: &Path, serial_number: &str, outcome: Outcome) {
+    pub(super) fn verdict(&self, folder: &Path, serial_number: &str, verdict: Verdict) {
         let hooks = self.hooks.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(Err(why)) = hooks.as_ref().map(|hooks| hooks.tell(folder, serial_number, outcome)) {
+        if let Some(Err(why)) = hooks.as_ref().map(|hooks| hooks.tell(folder, serial_number, verdict)) {
             let _ = self.screen.try_send(Msg::HookTrouble(why));
         }
         self.ended.notify_one();

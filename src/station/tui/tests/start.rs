@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
 
 use super::scene;
 use crate::files::ChangedFile;
@@ -163,7 +164,7 @@ fn another_plan_ends_what_waits() {
     scene.key(Key::F(2));
     scene.types("x");
     assert!(matches!(scene.key(Key::Enter), Some(Effect::Choose { .. })));
-    let earlier = Some(Earlier { at: at(), mark: RunMark::Outcome(Outcome::Passed) });
+    let earlier = Some(Earlier { at: at(), mark: RunMark::Ended(Verdict::Module(Outcome::Passed)) });
     let (serial_number, changed, resume) = ("DEMO-1".into(), Vec::new(), broke_off());
     let prepared = Prepared { serial_number, changed, earlier, resume };
     assert_eq!(scene.tell(Msg::Prepared(Box::new(prepared))), None);

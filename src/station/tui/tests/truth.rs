@@ -5,6 +5,7 @@ use std::time::Duration;
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::{EventKind, StopHow};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
 
 use super::{fail, scene};
 use crate::tui::decode::Key;
@@ -56,7 +57,7 @@ fn the_verdict_is_on_every_page() {
     for lang in Lang::ALL {
         let mut scene = scene(lang);
         fail(&mut scene);
-        let word = (lang.texts().verdict)(Outcome::Failed);
+        let word = (lang.texts().verdict)(Verdict::Module(Outcome::Failed));
         let head = |scene: &mut Scene| scene.text().lines().next().unwrap_or_default().to_owned();
         let wanted = format!("{word} DEMO-1");
         assert!(!head(&mut scene).contains(&wanted), "the page shows it large");

@@ -32,19 +32,18 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         return None;
     }
     if let EventKind::ItemStarted { item, .. } = &event.kind
-        && run.state.header().is_some_and(|header| header.selection.is_some())
+        && run.state.is_selection()
         && let Some(at) = run.state.rows().iter().position(|row| row.planned.name == *item)
     {
         // The operator chose this item among many, and wants to see it run.
         model.cursor = at;
     }
-    if let EventKind::RunEnded { outcome } = event.kind {
-        run.ends.push(outcome);
+    if let Some(verdict) = run.state.verdict() {
+        run.ends.push(verdict);
         run.prompt = None;
         model.cursor = 0;
-        if let (Loaded::Ready(plan), true) =
-            (&mut model.plan, run.state.header().is_some_and(|h| h.selection.is_none()))
-            && outcome.is_good()
+        if let Loaded::Ready(plan) = &mut model.plan
+            && verdict.passes_module()
         {
             plan.expected_s = Some(event.elapsed_us as f64 / 1e6);
         }
@@ -102,8 +101,8 @@ pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal
 /// Takes the record of a run whose events did not all come. The next module may be on the screen by then.
 pub(super) fn refolded(model: &mut ScreenModel, folder: &Path, state: RunState) {
     if let Some(run) = model.run.as_mut().filter(|run| run.folder.as_deref() == Some(folder)) {
-        if let Some(outcome) = state.outcome() {
-            run.ends.push(outcome);
+        if let Some(verdict) = state.verdict() {
+            run.ends.push(verdict);
         }
         run.state = state;
         run.events_lost = false;

@@ -47,9 +47,9 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 /// The verdict, or how far the run is.
 fn headline(model: &ScreenModel, run: &RunView, number: &str, cells: usize) -> Line<'static> {
     let texts = model.texts;
-    if let Some(outcome) = run.verdict() {
-        let word = format!("{}  {number}", (texts.outcome_word)(outcome).to_uppercase());
-        return Line::styled(text::fit(&word, cells), style::area(model.look, outcome).patch(style::strong()));
+    if let Some(verdict) = run.verdict() {
+        let word = format!("{}  {number}", texts.word_of(verdict).to_uppercase());
+        return Line::styled(text::fit(&word, cells), style::verdict_area(model.look, verdict));
     }
     let (over, all) = super::panels::share(run);
     let word = format!("{} {over}/{all}  {number}", texts.running);

@@ -54,9 +54,9 @@ fn standing(model: &ScreenModel) -> Option<(String, Style)> {
     }
     let number = text::cut(&text::shown(&run.serial_number), STANDING_NUMBER);
     Some(match run.verdict() {
-        Some(outcome) => {
-            let word = format!(" {} {number} ", (model.texts.verdict)(outcome));
-            (word, style::area(model.look, outcome).patch(style::strong()))
+        Some(verdict) => {
+            let word = format!(" {} {number} ", (model.texts.verdict)(verdict));
+            (word, style::verdict_area(model.look, verdict))
         }
         None => (format!(" {} {number} ", model.texts.running), style::accent(model.look)),
     })
@@ -118,6 +118,9 @@ pub(super) fn no_evidence(model: &ScreenModel) -> Vec<String> {
     }
     if header.selection.is_some() {
         reasons.push(model.texts.selection_long.to_owned());
+    }
+    if let Some(earlier) = &header.recomputed {
+        reasons.push(fill(model.texts.rejudged_long, &[&text::shown(&earlier.run)]));
     }
     reasons
 }

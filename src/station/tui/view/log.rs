@@ -1,7 +1,6 @@
 //! The log of a run: its events in the order in which they happened.
 
 use gnc_executive::event::{BoardBreach, NoteLevel};
-use gnc_executive::outcome::Outcome;
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
 use ratatui::Frame;
@@ -106,9 +105,9 @@ fn entries(model: &ScreenModel, state: &RunState) -> Vec<Entry> {
         let line = format!("{}: §{section}: {what} ({count}×{worst})", texts.board_breaks);
         entries.push(Entry { style: style::weight(model.look, weight), ..plain(seen.first.elapsed_us, line) });
     }
-    if let (Some(outcome), Some(last)) = (state.outcome(), state.last()) {
-        let line = format!("{}: {}", texts.ended_at, (texts.outcome_word)(outcome));
-        let style = style::outcome(model.look, if outcome == Outcome::NotRun { Outcome::Errored } else { outcome });
+    if let (Some(verdict), Some(last)) = (state.verdict(), state.last()) {
+        let line = format!("{}: {}", texts.ended_at, texts.word_of(verdict));
+        let style = style::verdict(model.look, verdict);
         entries.push(Entry { style, ..plain(last.elapsed_us, line) });
     }
     entries

@@ -5,6 +5,7 @@ use gnc_executive::catalogue::processor::PART;
 use gnc_executive::event::{BoardBreach, StopHow};
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
+use gnc_executive::verdict::Verdict;
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Rect};
 use ratatui::style::Style;
@@ -250,7 +251,7 @@ pub(super) fn rounds_words(model: &ScreenModel, rounds: RoundsSetting) -> String
 
 fn elapsed_s(model: &ScreenModel, run: &RunView) -> f64 {
     let of_record = run.state.last().map_or(0.0, |stamp| stamp.elapsed_us as f64 / 1e6);
-    if run.over || run.state.outcome().is_some() {
+    if run.over || run.state.verdict().is_some() {
         of_record
     } else {
         model.now.since_start.saturating_sub(run.began).as_secs_f64().max(of_record)
@@ -275,7 +276,6 @@ fn expected(model: &ScreenModel, run: &RunView, elapsed_s: f64) -> (String, Stri
 
 /// "3 of 10: 2 passed, 1 failed".
 fn round(model: &ScreenModel, run: &RunView) -> String {
-    use gnc_executive::outcome::Outcome;
     let texts = model.texts;
     let number = run.state.header().and_then(|header| header.looped).map_or(1, |looped| looped.index);
     let which = match run.rounds {
@@ -285,12 +285,8 @@ fn round(model: &ScreenModel, run: &RunView) -> String {
             format!("{number} ({})", fill(texts.rounds_time, &[&minutes.to_string()]))
         }
     };
-    let count = |outcome: Outcome| run.ends.iter().filter(|end| **end == outcome).count();
-    let counts: Vec<String> = Outcome::ALL
-        .into_iter()
-        .filter(|outcome| count(*outcome) > 0)
-        .map(|outcome| format!("{} {}", count(outcome), (texts.outcome_word)(outcome)))
-        .collect();
+    let counts = Verdict::counts(&run.ends).into_iter();
+    let counts: Vec<String> = counts.map(|(verdict, count)| format!("{count} {}", texts.word_of(verdict))).collect();
     if counts.is_empty() { which } else { format!("{which}: {}", counts.join(", ")) }
 }
 
@@ -317,22 +313,22 @@ pub(super) fn bar(part: usize, whole: usize, cells: usize) -> String {
 /// The verdict, to be read from two metres.
 pub(super) fn verdict(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
-    let outcome = model.run.as_ref().and_then(RunView::verdict);
-    let Some(outcome) = outcome else { return no_verdict(model, frame, area) };
-    let style = style::area(model.look, outcome);
+    let verdict = model.run.as_ref().and_then(RunView::verdict);
+    let Some(verdict) = verdict else { return no_verdict(model, frame, area) };
+    let style = style::verdict_area(model.look, verdict);
     let times = model.run.as_ref().map(|run| times_line(model, run)).unwrap_or_default();
     let caveat = match frame::no_evidence(model).len() {
         0 => String::new(),
         _ => format!(" {} ", short_caveat(model)),
     };
     let block = Block::bordered()
-        .title(format!(" {} ", (texts.outcome_word)(outcome)))
+        .title(format!(" {} ", texts.word_of(verdict)))
         .title(Line::raw(caveat).alignment(Alignment::Right))
         .title_bottom(Line::raw(format!(" {times} ")).alignment(Alignment::Right))
         .style(style);
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    big::draw(frame, inner, (texts.verdict)(outcome), style);
+    big::draw(frame, inner, (texts.verdict)(verdict), style);
 }
 
 /// Before the verdict: how many items are over, or that all is ready.

@@ -2,6 +2,7 @@
 
 use gnc_executive::outcome::Outcome;
 use gnc_executive::text::duration;
+use gnc_executive::verdict::Verdict;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
@@ -76,7 +77,7 @@ fn list(model: &ScreenModel, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
     let records = &model.records;
     let filter = match records.filter {
         None => texts.filter_all.to_owned(),
-        Some(outcome) => (texts.outcome_word)(outcome).to_owned(),
+        Some(verdict) => texts.word_of(verdict).to_owned(),
     };
     let title = format!("{}: {} · {}: {filter}", texts.records, runs.day, texts.filter);
     let mut block = block(&title);
@@ -110,47 +111,57 @@ fn list(model: &ScreenModel, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
     for (index, run) in shown.iter().enumerate().skip(first).take(room) {
         let before = index.checked_sub(1).and_then(|before| shown.get(before));
         let same = index > first && before.is_some_and(|before| before.serial_number == run.serial_number);
-        lines.push(line(index == records.run_cursor, run_spans(model, run, same), cells));
+        lines.push(line(index == records.run_cursor, run_spans(model, run, same, cells), cells));
     }
     frame.render_widget(Paragraph::new(lines), inner);
 }
 
 /// Width of an outcome in the list.
 const OUTCOME: usize = 13;
+/// Cells of a line before the caveats: cursor, time, serial number, outcome, plan, time and a gap.
+const BEFORE_CAVEATS: usize = 2 + 9 + 19 + (OUTCOME + 1) + 14 + 9 + 1;
+/// Lines above the reasons why a run is no evidence, with the borders.
+const HEAD_OF_RUN: u16 = 5;
 
-fn run_spans(model: &ScreenModel, run: &RunLine, same: bool) -> Vec<Span<'static>> {
+fn run_spans(model: &ScreenModel, run: &RunLine, same: bool, cells: usize) -> Vec<Span<'static>> {
     let texts = model.texts;
     let (mark, word, mark_style) = mark(model, run.mark);
     let time = run.at.map(|at| at.format("%H:%M:%S").to_string()).unwrap_or_default();
     let number_style = if same { style::faint() } else { style::strong() };
-    let mut caveats = Vec::new();
-    if run.simulated {
-        caveats.push(texts.simulated);
-    }
-    if run.selection {
-        caveats.push(texts.selection);
-    }
+    let caveats = [
+        (run.simulated, texts.simulated, texts.simulated_short),
+        (run.selection, texts.selection, texts.selection_short),
+        (run.rejudged, texts.rejudged, texts.rejudged_short),
+    ];
+    let caveats = || caveats.iter().filter(|(is, ..)| *is);
+    let whole = caveats().map(|(_, word, _)| *word).collect::<Vec<_>>().join(" ");
+    // On a narrow screen each caveat keeps its place in a few letters.
+    let fits = text::width(&whole) <= cells.saturating_sub(BEFORE_CAVEATS);
+    let told = if fits { whole } else { caveats().map(|(.., short)| *short).collect::<Vec<_>>().join(" ") };
     vec![
         Span::raw(text::fit(&time, 9)),
         Span::styled(text::fit(&text::shown(&run.serial_number), 19), number_style),
         Span::styled(text::fit(&format!("{mark} {word}"), OUTCOME + 1), mark_style),
         Span::raw(text::fit(&text::shown(&run.plan), 14)),
         Span::raw(text::right(&duration(run.elapsed_s), 9)),
-        Span::styled(format!(" {}", caveats.join(" ")), style::faint()),
+        Span::styled(format!(" {told}"), style::faint()),
     ]
 }
 
 fn mark(model: &ScreenModel, mark: RunMark) -> (&'static str, &'static str, Style) {
-    let (sign, outcome) = match mark {
-        RunMark::Outcome(outcome) => (style::mark(outcome), outcome),
-        _ => ("?", Outcome::Aborted),
+    let (sign, verdict) = match mark {
+        RunMark::Ended(verdict) => (style::verdict_mark(verdict), verdict),
+        _ => ("?", Verdict::Module(Outcome::Aborted)),
     };
-    (sign, mark.word(model.texts), style::outcome(model.look, outcome))
+    (sign, mark.word(model.texts), style::verdict(model.look, verdict))
 }
 
 fn one(model: &ScreenModel, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
-    let [top, body] = Layout::vertical([Constraint::Length(6), Constraint::Fill(1)]).areas(area);
+    let reasons = edges::no_evidence(model);
+    // A record without reasons keeps its empty line.
+    let height = HEAD_OF_RUN + u16::try_from(reasons.len()).unwrap_or(1).max(1);
+    let [top, body] = Layout::vertical([Constraint::Length(height), Constraint::Fill(1)]).areas(area);
     let name = text::shown(&open.path.file_name().unwrap_or_default().to_string_lossy());
     let block = block(&name);
     let inner = block.inner(top);
@@ -170,7 +181,7 @@ fn one(model: &ScreenModel, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
         lines.push(Line::raw(text::cut(&text::shown(&who), cells)));
     }
     lines.push(check(model, &open.check, cells));
-    lines.push(Line::styled(text::cut(&edges::no_evidence(model).join(" · "), cells), style::strong()));
+    lines.extend(reasons.iter().map(|reason| Line::styled(text::cut(reason, cells), style::strong())));
     frame.render_widget(Paragraph::new(lines), inner);
     if area.width >= WIDE {
         let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(body);

@@ -90,7 +90,7 @@ impl List<'_> {
         let cells = usize::from(area.width);
         let columns = Columns::new(self.model, cells);
         let order = order(self.state);
-        let over = self.state.outcome().is_some();
+        let over = self.state.verdict().is_some();
         let (mut shown, room) = head(self.model, &columns, order.len(), area);
         // Lines above the cursor, with those under bad items.
         let mut lines = Vec::new();
@@ -138,7 +138,7 @@ impl List<'_> {
             None if !row.planned.selected => (Span::raw("  "), Span::raw(""), String::new()),
             None => {
                 let word =
-                    if self.state.outcome().is_some() { (texts.outcome_word)(Outcome::NotRun) } else { texts.waiting };
+                    if self.state.verdict().is_some() { (texts.outcome_word)(Outcome::NotRun) } else { texts.waiting };
                 (Span::raw("  "), Span::styled(word, style::faint()), String::new())
             }
         };

@@ -1,6 +1,7 @@
 //! Colours and marks. Colour is never the only sign: each outcome has its word and its mark as well.
 
 use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
 use ratatui::style::{Color, Modifier, Style};
 
 use crate::tui::model::{Look, MessageWeight};
@@ -46,7 +47,7 @@ pub(super) fn outcome(look: Look, outcome: Outcome) -> Style {
 }
 
 /// An outcome as a whole area: seen before it is read.
-pub(super) fn area(look: Look, outcome: Outcome) -> Style {
+fn area(look: Look, outcome: Outcome) -> Style {
     if !look.colour {
         return strong();
     }
@@ -59,6 +60,29 @@ pub(super) fn area(look: Look, outcome: Outcome) -> Style {
         _ => colour(outcome),
     };
     Style::new().fg(letters).bg(ground).add_modifier(Modifier::BOLD)
+}
+
+/// Good items of a selection have a colour of their own, far from that of a pass.
+const PARTIAL: Color = Color::Blue;
+
+/// The end of a run as text.
+pub(super) fn verdict(look: Look, verdict: Verdict) -> Style {
+    let partial = || coloured(look, Color::LightBlue).add_modifier(Modifier::BOLD);
+    verdict.to_show().map_or_else(partial, |shown| outcome(look, shown))
+}
+
+/// The end of a run as a whole area.
+pub(super) fn verdict_area(look: Look, verdict: Verdict) -> Style {
+    match verdict.to_show() {
+        Some(outcome) => area(look, outcome),
+        None if look.colour => Style::new().fg(Color::White).bg(PARTIAL).add_modifier(Modifier::BOLD),
+        None => strong(),
+    }
+}
+
+/// One cell for the end of a run.
+pub(super) fn verdict_mark(verdict: Verdict) -> &'static str {
+    verdict.to_show().map_or("%", mark)
 }
 
 /// A badge that must not be overlooked.

@@ -1,0 +1,268 @@
+//! Finds the runs of a module, without reading more of them than the answer needs.
+//!
+//! The chain tells which runs of the module were closed, and in which order, whatever the clocks said. So the newest run
+//! that counts is found from the chains of the days that can count. Folders are looked at only for what to call a module
+//! for which nothing counts.
+
+use std::collections::HashMap;
+use std::fs::{self, File};
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::path::{Path, PathBuf};
+
+use chrono::{DateTime, FixedOffset, NaiveDate, NaiveDateTime, TimeDelta};
+use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, PlanInfo};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::verdict::Verdict;
+use serde::Deserialize;
+
+use super::{Flaw, PastRun, Question, RunFacts, Seal, Standing};
+use crate::store::chain::DayLinks;
+use crate::store::digest::{self, FileDigests};
+use crate::store::folder::folder_name;
+use crate::store::{self, DIGESTS, JOURNAL, RECORD, StoreError, chain, reader};
+
+/// Most closed runs of a module whose records are opened to find one that counts: more than a socket can make of one
+/// module in a month.
+const MAX_COUNTED: usize = 10_000;
+
+/// Most runs that are opened to find out what to call a module, or what came after the run that counts.
+const MAX_NAMED: usize = 50;
+
+/// Longest first line of a journal: it names all items of a plan, at most 20,000.
+const MAX_FIRST_LINE: u64 = 16 << 20;
+
+/// Days around the date of a run: its folder has the date of its place, and the question that of another.
+const DATE_SLACK: TimeDelta = TimeDelta::days(1);
+
+/// The standing of a module.
+///
+/// # Errors
+/// [`StoreError`]: the records cannot be read, so nothing can be said.
+pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreError> {
+    let mut standing = Standing { plan: question.plan.name().to_owned(), counts: None, beside: None };
+    // The first run of a station creates the folder.
+    if !records.exists() {
+        return Ok(standing);
+    }
+    let mut seals = Seals::new(records);
+    let Closed { counted, missing } = closed(records, question, &mut seals)?;
+    let beside = match &counted {
+        Some((folder, _)) => doubt(records, question, folder, &mut seals)?,
+        None => newest(records, question, &mut seals)?,
+    };
+    standing.beside = beside.or(missing.map(|folder| nameless(&folder, question, Flaw::Missing)));
+    standing.counts = counted.map(|(_, run)| run);
+    Ok(standing)
+}
+
+/// What the chain says of the runs of a module.
+#[derive(Default)]
+struct Closed {
+    /// The newest run that counts, with its folder.
+    counted: Option<(PathBuf, PastRun)>,
+    /// The newest run after that one whose folder is gone.
+    missing: Option<PathBuf>,
+}
+
+/// Looks from the newest closed run back to the first one that counts.
+fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Closed, StoreError> {
+    let last = (question.now + DATE_SLACK).date_naive();
+    let first = (question.now - TimeDelta::days(i64::from(question.valid_days)) - DATE_SLACK).date_naive();
+    let name = folder_name(question.serial_number);
+    let mut closed: Vec<(u64, PathBuf)> = Vec::new();
+    for day in reader::day_names(records)? {
+        let date = NaiveDate::parse_from_str(&day, "%Y-%m-%d");
+        let in_time = date.is_ok_and(|date| (first..=last).contains(&date));
+        if in_time && records.join(&day).join(&name).is_dir() {
+            closed.extend(seals.day(&day)?.of_module(&name).map(|(number, run)| (number, records.join(run))));
+        }
+    }
+    closed.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
+    let mut found = Closed::default();
+    for (_, folder) in closed.into_iter().take(MAX_COUNTED) {
+        if found.missing.is_none() && !folder.exists() {
+            found.missing = Some(folder);
+            continue;
+        }
+        let Some(facts) = facts(&folder).filter(|facts| facts.serial_number == question.serial_number) else {
+            continue;
+        };
+        let flaws = facts.flaws(question);
+        // Digests are compared only where everything else is right.
+        if flaws.is_empty() && seals.seal(&folder)? == Seal::Chained {
+            found.counted = Some((folder, PastRun::new(&facts, flaws)));
+            break;
+        }
+    }
+    Ok(found)
+}
+
+/// The newest run after the one that counts that puts it in doubt.
+fn doubt(
+    records: &Path,
+    question: &Question<'_>,
+    counted: &Path,
+    seals: &mut Seals<'_>,
+) -> Result<Option<PastRun>, StoreError> {
+    let later = reader::newest_of_module(records, question.serial_number).take_while(|folder| folder != counted);
+    for folder in later.take(MAX_NAMED) {
+        if let Some(run) = past(&folder, question, seals)?.filter(|run| run.is_doubt(question.bench)) {
+            return Ok(Some(run));
+        }
+    }
+    Ok(None)
+}
+
+/// The newest run of the module by this plan; if there is none, the newest of all.
+fn newest(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
+    let plan = folder_name(question.plan.name());
+    let of_plan = |folder: &PathBuf| plan_folder(folder).starts_with(&plan);
+    let runs = || reader::newest_of_module(records, question.serial_number);
+    for folder in runs().filter(of_plan).take(MAX_NAMED) {
+        if let Some(run) = past(&folder, question, seals)?.filter(|run| run.plan == question.plan.name()) {
+            return Ok(Some(run));
+        }
+    }
+    for folder in runs().take(MAX_NAMED) {
+        if let Some(run) = past(&folder, question, seals)? {
+            return Ok(Some(run));
+        }
+    }
+    Ok(None)
+}
+
+/// The name of a run's folder without its time: it begins with the name of the plan.
+fn plan_folder(run: &Path) -> String {
+    let name = run.file_name().unwrap_or_default().to_string_lossy();
+    name.split_once('-').map_or_else(String::new, |(_, plan)| plan.to_owned())
+}
+
+/// A run of which only the name of its folder tells.
+fn nameless(folder: &Path, question: &Question<'_>, flaw: Flaw) -> PastRun {
+    let day = folder.ancestors().nth(2).and_then(Path::file_name).unwrap_or_default().to_string_lossy();
+    let run = folder.file_name().unwrap_or_default().to_string_lossy();
+    let time = format!("{day} {}", run.split('-').next().unwrap_or_default());
+    let at = NaiveDateTime::parse_from_str(&time, "%Y-%m-%d %H%M%S").ok();
+    // The folder is named by the time of its place, which is mostly this place.
+    let at = at.and_then(|at| at.and_local_timezone(question.now.timezone()).earliest());
+    PastRun::nameless(plan_folder(folder), at, flaw)
+}
+
+/// A run as it is; `None` if it belongs to another module, whose number gives the same name of a folder.
+fn past(folder: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
+    let kept = match seals.seal(folder)? {
+        Seal::Chained => None,
+        Seal::Flawed(flaw) => Some(flaw),
+    };
+    let Some(facts) = facts(folder).or_else(|| begun(folder)) else {
+        // Nothing tells whose run it is, but it stands among those of this module.
+        return Ok(Some(nameless(folder, question, Flaw::Unreadable)));
+    };
+    if facts.serial_number != question.serial_number {
+        return Ok(None);
+    }
+    let mut flaws = facts.flaws(question);
+    if let Some(flaw) = kept {
+        // A run that is not closed has no verdict that could count, and needs no second word for that.
+        flaws.retain(|flaw| *flaw != Flaw::NoVerdict);
+        flaws.insert(0, flaw);
+    }
+    Ok(Some(PastRun::new(&facts, flaws)))
+}
+
+/// The part of `run.json` that the standing needs.
+#[derive(Deserialize)]
+struct RecordHead {
+    outcome: Option<Outcome>,
+    #[serde(default)]
+    selection_outcome: Option<Outcome>,
+    interrupted: bool,
+    serial_number: String,
+    plan: PlanInfo,
+    #[serde(default)]
+    recomputed: Option<EarlierRun>,
+    bench: BenchInfo,
+    selection: Option<Vec<String>>,
+    started: DateTime<FixedOffset>,
+    finished: Option<DateTime<FixedOffset>>,
+}
+
+/// What the record of a run says; `None` if it has none, or a damaged one.
+fn facts(folder: &Path) -> Option<RunFacts> {
+    let bytes = fs::read(folder.join(RECORD)).ok()?;
+    let head: RecordHead = serde_json::from_slice(&bytes).ok()?;
+    let outcome = head.outcome.or(head.selection_outcome)?;
+    Some(RunFacts {
+        serial_number: head.serial_number,
+        plan: head.plan,
+        bench: head.bench.kind,
+        rejudged: head.recomputed.is_some(),
+        interrupted: head.interrupted,
+        verdict: Some(Verdict::new(outcome, head.selection.is_some() || head.selection_outcome.is_some())),
+        selection: head.selection,
+        started: head.started,
+        ended: head.finished,
+    })
+}
+
+/// What the first line of a journal says of a run that has no record, or a damaged one.
+fn begun(folder: &Path) -> Option<RunFacts> {
+    let mut line = Vec::new();
+    let journal = BufReader::new(File::open(folder.join(JOURNAL)).ok()?);
+    journal.take(MAX_FIRST_LINE).read_until(b'\n', &mut line).ok()?;
+    let event: Event = serde_json::from_slice(&line).ok()?;
+    let EventKind::RunStarted { header, .. } = event.kind else { return None };
+    Some(RunFacts {
+        serial_number: header.serial_number,
+        plan: header.plan,
+        bench: header.bench.kind,
+        selection: header.selection,
+        rejudged: header.recomputed.is_some(),
+        interrupted: false,
+        verdict: None,
+        started: event.at,
+        ended: None,
+    })
+}
+
+/// How records are kept, by the chains of their days. Each chain is read once.
+#[derive(Debug)]
+pub struct Seals<'a> {
+    records: &'a Path,
+    days: HashMap<String, DayLinks>,
+}
+
+impl<'a> Seals<'a> {
+    /// Nothing is read yet.
+    pub fn new(records: &'a Path) -> Self {
+        Self { records, days: HashMap::new() }
+    }
+
+    /// How the record of a run is kept: its digests against the chain, and `run.json` against the digests.
+    ///
+    /// # Errors
+    /// The chain of its day cannot be read.
+    pub fn seal(&mut self, run: &Path) -> Result<Seal, StoreError> {
+        if !reader::is_sealed(run) {
+            let flaw = if store::goes_on(run) { Flaw::UnderWay } else { Flaw::NotClosed };
+            return Ok(Seal::Flawed(flaw));
+        }
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let Some(link) = self.day(&day)?.find(&name) else { return Ok(Seal::Flawed(Flaw::NotInChain)) };
+        let sums = digest::of_file(&run.join(DIGESTS));
+        let as_closed = link.is_sound && sums.is_ok_and(|sums| sums == link.digest) && {
+            let promised = FileDigests::read(run).ok().and_then(|(sums, _)| sums.get(RECORD).map(str::to_owned));
+            promised.is_some() && digest::of_file(&run.join(RECORD)).ok() == promised
+        };
+        Ok(if as_closed { Seal::Chained } else { Seal::Flawed(Flaw::Changed) })
+    }
+
+    fn day(&mut self, day: &str) -> Result<&DayLinks, StoreError> {
+        if !self.days.contains_key(day) {
+            let links = chain::of_day(self.records, day)?;
+            self.days.insert(day.to_owned(), links);
+        }
+        Ok(self.days.entry(day.to_owned()).or_default())
+    }
+}
