@@ -10,6 +10,10 @@
 //! on_fail = "continue"               # or "stop": skip the rest after the first item that is not good
 //! include = ["other.toml"]           # items of other plans, run before those of this one
 //!
+//! [resume]                           # of a run that takes over captures: it waits for the module's temperature
+//! wait = "30 min"                    # at most so long in all
+//! within = "0.2 degC"                # of what those captures had at their end
+//!
 //! [[item]]
 //! id = "imu"                         # required; an item of the catalogue
 //! name = "imu-cold"                  # unique; the id, unless an item stands twice
@@ -36,6 +40,7 @@ mod closure;
 mod item;
 mod limits;
 mod params;
+mod resume;
 mod schema;
 
 use std::fmt;
@@ -51,6 +56,7 @@ use crate::quantity::Unit;
 use crate::uncertainty::Decision;
 
 pub use params::{ParamError, ParamValue, Params};
+pub use resume::ResumeRules;
 pub use schema::plan_schema;
 
 /// Largest size of one plan file in bytes. The functional plan has about 5 kB, and 20,000 items have about 2 MB. A
@@ -77,6 +83,8 @@ pub struct Plan {
     pub description: String,
     /// What happens after an item that is not good.
     pub on_fail: OnFail,
+    /// How a resumed run waits for the module's temperature.
+    pub resume: ResumeRules,
     items: Vec<PlanItem>,
     sources: Vec<SourceText>,
 }
