@@ -18,6 +18,12 @@ const LOOKS: usize = 3;
 const FORECAST: usize = 24;
 /// Temperature that a change must exceed for a forecast: the codes have a hundredth of a degree.
 const CHANGES_K: f64 = 0.02;
+/// Time before the end of the last capture over which its course is looked at, and the least change that shows a course: five
+/// codes.
+const COURSE_S: f64 = 300.0;
+const COURSE_SHOWS_K: f64 = 0.05;
+/// A module goes on by no more than this: its own heat.
+const COURSE_K: f64 = 5.0;
 /// Counts of a degree.
 const PER_DEGREE: f64 = 100.0;
 
@@ -36,18 +42,15 @@ impl Temperatures {
         Some(Self { gyro_c: median(samples.clone().map(|pair| pair.0))?, accel_c: median(samples.map(|pair| pair.1))? })
     }
 
-    /// The temperatures at the end of a capture; `None` for a capture without a thermometer.
-    #[must_use]
-    pub fn at_end_of(capture: &Capture) -> Option<Self> {
-        let count = (LOOK_S * f64::from(capture.about.rate_hz)).ceil().max(1.0) as usize;
-        let last = |len: usize| len.saturating_sub(count);
-        let (raw, done) = (&capture.samples, &capture.compensated);
-        if raw.is_empty() {
-            let samples = done[last(done.len())..].iter();
-            return Self::of(samples.map(|sample| (sample.gyro_temperature, sample.accel_temperature)));
-        }
-        let samples = raw[last(raw.len())..].iter();
-        Self::of(samples.map(|sample| (sample.gyro_temperature, sample.accel_temperature)))
+    /// The temperatures at the end of a capture; `None` for a capture without raw samples.
+    fn at_end_of(capture: &Capture) -> Option<Self> {
+        let samples = &capture.samples;
+        Self::of(pairs(&samples[samples.len().saturating_sub(look_samples(capture))..]))
+    }
+
+    fn at_start_of(capture: &Capture) -> Option<Self> {
+        let samples = &capture.samples;
+        Self::of(pairs(&samples[..samples.len().min(look_samples(capture))]))
     }
 
     /// The mean of both, for people.
@@ -61,6 +64,52 @@ impl Temperatures {
     pub fn apart_k(self, other: Self) -> f64 {
         (self.gyro_c - other.gyro_c).abs().max((self.accel_c - other.accel_c).abs())
     }
+}
+
+fn look_samples(capture: &Capture) -> usize {
+    (LOOK_S * f64::from(capture.about.rate_hz)).ceil().max(1.0) as usize
+}
+
+fn pairs(samples: &[ImuSample]) -> impl Iterator<Item = (i16, i16)> + Clone {
+    samples.iter().map(|sample| (sample.gyro_temperature, sample.accel_temperature))
+}
+
+/// How warm a module was at the end of captures, and how it went on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeatLeft {
+    /// At the end of the last capture.
+    pub end: Temperatures,
+    /// Its course then.
+    pub kelvin_per_s: f64,
+}
+
+impl HeatLeft {
+    /// What captures show, in the order in which they were made; `None` if none has a thermometer.
+    #[must_use]
+    pub fn by(captures: &[&Capture]) -> Option<Self> {
+        let place = captures.iter().rposition(|capture| !capture.samples.is_empty())?;
+        let last = captures[place];
+        let end = Temperatures::at_end_of(last)?;
+        let end_us = last.first_us.saturating_add(span_us(last));
+        // Captures of another session with the board have other times.
+        let near = |capture: &&&Capture| {
+            capture.first_us <= last.first_us && end_us.saturating_sub(capture.first_us) as f64 * 1e-6 <= COURSE_S
+        };
+        let first = captures[..place].iter().rev().take_while(near).last().map_or(last, |first| *first);
+        let span_s = end_us.saturating_sub(first.first_us) as f64 * 1e-6 - LOOK_S;
+        let change_k = end.mean_c() - Temperatures::at_start_of(first)?.mean_c();
+        let shows = span_s > LOOK_S && change_k.abs() >= COURSE_SHOWS_K;
+        Some(Self { end, kelvin_per_s: if shows { change_k / span_s } else { 0.0 } })
+    }
+
+    /// How far the module would have gone on in this time, at most.
+    fn course_k(&self, span_s: f64) -> f64 {
+        (self.kelvin_per_s * span_s).clamp(-COURSE_K, COURSE_K)
+    }
+}
+
+fn span_us(capture: &Capture) -> u64 {
+    capture.samples.len() as u64 * 1_000_000 / u64::from(capture.about.rate_hz.max(1))
 }
 
 fn median(codes: impl Iterator<Item = i16>) -> Option<f64> {
@@ -99,7 +148,8 @@ pub enum Waiting {
 #[derive(Debug)]
 pub struct HeatWait {
     target: Temperatures,
-    within_k: f64,
+    /// Accepted differences from the target, below and above.
+    within_k: (f64, f64),
     bound_s: f64,
     rate_hz: u16,
     look: Vec<(i16, i16)>,
@@ -109,12 +159,14 @@ pub struct HeatWait {
 }
 
 impl HeatWait {
-    /// A wait for a temperature, to within a difference, for at most `bound_s` of board time.
+    /// A wait for a temperature, to within a difference, for at most `bound_s` of board time. Temperatures that the module would
+    /// have had in the `left_s` after the captures are good too.
     #[must_use]
-    pub fn new(target: Temperatures, within_k: f64, bound_s: f64, rate_hz: u16) -> Self {
+    pub fn new(left: &HeatLeft, left_s: f64, within_k: f64, bound_s: f64, rate_hz: u16) -> Self {
+        let course_k = left.course_k(left_s);
         Self {
-            target,
-            within_k,
+            target: left.end,
+            within_k: (course_k.min(0.0) - within_k, course_k.max(0.0) + within_k),
             bound_s,
             rate_hz: rate_hz.max(1),
             look: Vec::new(),
@@ -153,11 +205,11 @@ impl HeatWait {
             self.looks.pop_front();
         }
         self.looks.push_back(now);
-        self.good = if now.apart_k(self.target) <= self.within_k { self.good + 1 } else { 0 };
+        self.good = if self.is_good(now) { self.good + 1 } else { 0 };
         let waited_s = self.waited_s();
         let bound_s = (self.bound_s - waited_s).max(0.0);
         let warmth = Warmth { now, target: self.target, left_s: self.left_s(), bound_s, waited_s };
-        Some(if self.good >= LOOKS {
+        Some(if self.good >= LOOKS || self.passed_through() {
             Waiting::Done(warmth)
         } else if bound_s == 0.0 && self.good == 0 {
             // A module that has just arrived gets its last looks.
@@ -165,6 +217,26 @@ impl HeatWait {
         } else {
             Waiting::On(warmth)
         })
+    }
+
+    fn is_good(&self, now: Temperatures) -> bool {
+        let good = |now_c: f64, was_c: f64| (self.within_k.0..=self.within_k.1).contains(&(now_c - was_c));
+        good(now.gyro_c, self.target.gyro_c) && good(now.accel_c, self.target.accel_c)
+    }
+
+    /// Whether a look is good for an end of the wait.
+    #[must_use]
+    pub fn is_there(&self) -> bool {
+        self.good > 0
+    }
+
+    /// Whether the module went through the temperature that it had. It was on its way then, and it is now.
+    fn passed_through(&self) -> bool {
+        let mut newest = self.looks.iter().rev().map(|look| look.mean_c() > self.target.mean_c());
+        match (newest.next(), newest.next(), newest.next()) {
+            (Some(last), Some(before), Some(first)) => last == before && before != first,
+            _ => false,
+        }
     }
 
     /// Time until a first-order lag through the looks arrives.
@@ -175,7 +247,7 @@ impl HeatWait {
         let (early, middle, late) = (at(2)?, at(1)?, at(0)?);
         let (first, second) = (middle - early, late - middle);
         let toward = self.target.mean_c() - late;
-        if toward.abs() <= self.within_k {
+        if self.good > 0 {
             return Some(LOOKS as f64 * LOOK_S);
         }
         let part = second / first;
@@ -184,7 +256,7 @@ impl HeatWait {
         }
         // Where the lag ends, and which part of the way to there is left when the module arrives.
         let end = late + second * part / (1.0 - part);
-        let arrives = self.target.mean_c() - self.within_k.copysign(toward);
+        let arrives = self.target.mean_c() + if toward > 0.0 { self.within_k.0 } else { self.within_k.1 };
         let left = (end - arrives) / (end - late);
         (left > 0.0).then(|| left.ln() / part.ln() * step as f64 * LOOK_S)
     }
@@ -209,7 +281,8 @@ mod tests {
 
     /// A module that comes from 23 degC and goes to `end_c` with a time constant of 180 s.
     fn wait(target_c: f64, end_c: f64, bound_s: f64) -> (Vec<Warmth>, Waiting) {
-        let mut wait = HeatWait::new(at(target_c), 0.2, bound_s, RATE_HZ);
+        let left = HeatLeft { end: at(target_c), kelvin_per_s: 0.0 };
+        let mut wait = HeatWait::new(&left, 600.0, 0.2, bound_s, RATE_HZ);
         let mut told = Vec::new();
         for index in 0..200_000 {
             let now_s = f64::from(index) / f64::from(RATE_HZ);
@@ -247,9 +320,6 @@ mod tests {
             "{over:?}"
         );
         assert!(told.iter().skip(48).all(|warmth| warmth.left_s.is_none()), "no forecast arrives");
-        // It passes through a temperature on its way to a higher one.
-        let (_, over) = wait(25.0, 28.0, 1800.0);
-        assert!(matches!(over, Waiting::Done(warmth) if warmth.now.apart_k(at(25.0)) <= 0.2), "{over:?}");
         // It is too warm from the start.
         let (_, over) = wait(22.0, 28.0, 60.0);
         assert!(matches!(over, Waiting::GivenUp(warmth) if warmth.waited_s == 60.0), "{over:?}");
@@ -260,10 +330,25 @@ mod tests {
         assert!(matches!(over, Waiting::Done(_)), "{over:?}");
     }
 
+    /// An earlier run that was interrupted early was on its way, and so is the module.
+    #[test]
+    fn a_module_that_passes_through_is_as_warm_as_it_was() {
+        for target_c in [23.5, 24.0, 25.0, 27.0] {
+            let (_, over) = wait(target_c, 28.0, 1800.0);
+            // The module moves by 0.14 K in a look at first, and half of the looks are behind it.
+            let near = |warmth: Warmth| (-0.2..0.3).contains(&(warmth.now.mean_c() - at(target_c).mean_c()));
+            assert!(matches!(over, Waiting::Done(warmth) if near(warmth)), "{target_c}: {over:?}");
+        }
+        // It is on the other side from the start, and does not come through.
+        let (_, over) = wait(22.0, 28.0, 600.0);
+        assert!(matches!(over, Waiting::GivenUp(_)), "{over:?}");
+    }
+
     /// Four of ten reads fail.
     #[test]
     fn failed_reads_do_not_end_a_wait() {
-        let mut wait = HeatWait::new(at(28.0), 0.2, 60.0, RATE_HZ);
+        let left = HeatLeft { end: at(28.0), kelvin_per_s: 0.0 };
+        let mut wait = HeatWait::new(&left, 600.0, 0.2, 60.0, RATE_HZ);
         let failed = |code| ImuSample { gyro_temperature: code, accel_temperature: code, ..ImuSample::default() };
         let read = |index: i32| match (index % 5, index % 2) {
             (0 | 1, 0) => failed(2850),
@@ -274,28 +359,65 @@ mod tests {
         assert!(matches!(wait.take(&samples), Some(Waiting::GivenUp(_))));
     }
 
-    #[test]
-    fn the_end_of_a_capture_counts() {
+    /// A capture from this board time on, of temperatures from one to another.
+    fn capture(first_s: f64, from_c: f64, to_c: f64, span_s: f64) -> Capture {
         let about = CaptureHead {
             label: "z+".into(),
             series: 1,
             pose: Pose::Still { up: [0.0, 0.0, 1.0], heading_deg: 0.0 },
             rate_hz: RATE_HZ,
         };
-        let samples: Vec<_> = (0..1000).map(|index| sample(23.0 + f64::from(index) * 0.005)).collect();
-        let mut capture = Capture {
+        let count = (span_s * f64::from(RATE_HZ)) as u32;
+        let part = |index: u32| f64::from(index) / f64::from(count);
+        Capture {
             about,
-            first_us: 0,
-            samples,
+            first_us: (first_s * 1e6) as u64,
+            samples: (0..count).map(|index| sample(from_c + (to_c - from_c) * part(index))).collect(),
             compensated: Vec::new(),
             losses: Losses::default(),
             receiver: ReceiverCapture::default(),
             timing: Timing::new(RATE_HZ),
+        }
+    }
+
+    #[track_caller]
+    fn check_left(captures: &[Capture], end_c: f64, kelvin_per_s: f64) {
+        let left = HeatLeft::by(&captures.iter().collect::<Vec<_>>()).expect("a thermometer");
+        // Half of a look lies before the end, and a code is a hundredth.
+        assert!(left.end.apart_k(at(end_c - 2.5 * kelvin_per_s)) < 0.02, "{left:?}");
+        assert!((left.kelvin_per_s - kelvin_per_s).abs() <= 0.05 * kelvin_per_s.abs(), "{left:?}");
+    }
+
+    #[test]
+    fn captures_show_how_warm_the_module_was_and_where_it_went() {
+        check_left(&[capture(100.0, 25.0, 25.0, 60.0)], 25.0, 0.0);
+        check_left(&[capture(100.0, 25.0, 26.0, 100.0)], 26.0, 0.01);
+        // Short captures with pauses between them.
+        let short =
+            [capture(10.0, 25.0, 25.1, 10.0), capture(60.0, 25.5, 25.6, 10.0), capture(110.0, 26.0, 26.1, 10.0)];
+        check_left(&short, 26.1, 0.01);
+        // One that is long ago, and one of another session with the board, show no course.
+        check_left(&[capture(10.0, 20.0, 20.0, 10.0), capture(600.0, 25.0, 25.0, 60.0)], 25.0, 0.0);
+        check_left(&[capture(9000.0, 20.0, 20.0, 10.0), capture(100.0, 25.0, 25.0, 60.0)], 25.0, 0.0);
+        // A receiver has no thermometer.
+        let mut receiver = capture(200.0, 0.0, 0.0, 10.0);
+        receiver.samples.clear();
+        check_left(&[capture(100.0, 25.0, 26.0, 100.0), receiver.clone()], 26.0, 0.01);
+        assert_eq!(HeatLeft::by(&[&receiver]), None);
+    }
+
+    /// The captures ended at 25 degC and went up by 1 K in 100 s: for 150 s more, 26.5 degC are on their way.
+    #[test]
+    fn a_module_that_went_on_meanwhile_is_not_too_warm() {
+        let look = |left: &HeatLeft, now_c: f64| {
+            let mut wait = HeatWait::new(left, 150.0, 0.2, 60.0, RATE_HZ);
+            matches!(wait.take(&vec![sample(now_c); 600]), Some(Waiting::Done(_)))
         };
-        // The middle of the last 50 samples.
-        let end = Temperatures::at_end_of(&capture).expect("temperatures");
-        assert!(end.apart_k(at(23.0 + 975.0 * 0.005)) < 0.011, "{end:?}");
-        capture.samples.clear();
-        assert_eq!(Temperatures::at_end_of(&capture), None);
+        let up = HeatLeft { end: at(25.0), kelvin_per_s: 0.01 };
+        assert_eq!([24.7, 24.9, 26.0, 26.6, 26.8].map(|now_c| look(&up, now_c)), [false, true, true, true, false]);
+        let down = HeatLeft { kelvin_per_s: -0.01, ..up };
+        assert_eq!([23.2, 23.4, 24.5, 25.1, 25.3].map(|now_c| look(&down, now_c)), [false, true, true, true, false]);
+        let still = HeatLeft { kelvin_per_s: 0.0, ..up };
+        assert_eq!([24.7, 24.9, 25.1, 25.3].map(|now_c| look(&still, now_c)), [false, true, true, false]);
     }
 }

@@ -93,7 +93,7 @@ pub(crate) async fn run(
         ItemId::SpiFlash => flash::run(bench, gnc_protocol::message::Flash::Spi, params, recorder).await,
         ItemId::InternalFlash => flash::run(bench, gnc_protocol::message::Flash::Internal, params, recorder).await,
         ItemId::Imu => {
-            heat::restore(bench, recorder, None).await?;
+            heat::restore(bench, recorder, (0.0, None)).await?;
             imu::run(bench, params, recorder).await
         }
         ItemId::Gnss => gnss::run(bench, params, recorder).await,

@@ -12,7 +12,7 @@
 //!
 //! [resume]                           # of a run that takes over captures: it waits for the module's temperature
 //! wait = "30 min"                    # at most so long in all
-//! within = "0.2 degC"                # of what those captures had at their end
+//! within = "0.5 degC"                # of what those captures had at their end
 //!
 //! [[item]]
 //! id = "imu"                         # required; an item of the catalogue

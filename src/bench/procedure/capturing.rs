@@ -94,7 +94,7 @@ impl ProgramCapture<'_> {
             self.table.taken_over(over);
         }
         if actions.iter().any(|action| matches!(action, ResumeAction::Do(_))) && self.recorder.id().feels(Trace::Heat) {
-            heat::restore(self.bench, self.recorder, Some(&mut self.course)).await?;
+            heat::restore(self.bench, self.recorder, (left_s, Some(&mut self.course))).await?;
         }
         for action in actions {
             match action {

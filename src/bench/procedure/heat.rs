@@ -4,7 +4,7 @@
 use std::cell::Cell;
 
 use gnc_analysis::capture::Capture;
-use gnc_analysis::heat::{HeatWait, Temperatures, Waiting, Warmth};
+use gnc_analysis::heat::{HeatLeft, HeatWait, Waiting, Warmth};
 use gnc_analysis::motion::DisplayDuration;
 use gnc_board::stream::Stream;
 use gnc_executive::plan::ResumeRules;
@@ -23,7 +23,7 @@ const RATE_HZ: u16 = 10;
 pub(crate) struct Heat {
     rules: ResumeRules,
     /// The module at the end of the last capture that is taken over, until it is as warm again.
-    owed: Cell<Option<Temperatures>>,
+    owed: Cell<Option<HeatLeft>>,
     /// Board time of all waits of the run.
     waited_s: Cell<f64>,
 }
@@ -36,8 +36,7 @@ impl Heat {
 
     /// These captures are taken over, in the order of their program.
     pub(super) fn owe(&self, taken: &[&Capture]) {
-        let last = taken.iter().rev().find_map(|capture| Temperatures::at_end_of(capture));
-        self.owed.set(last.or(self.owed.get()));
+        self.owed.set(HeatLeft::by(taken).or(self.owed.get()));
     }
 }
 
@@ -60,23 +59,24 @@ impl AttemptClock {
     }
 }
 
-/// Waits until the module is as warm as at the end of the captures that are taken over. It returns at once if there are none.
+/// Waits until the module is as warm as at the end of the captures that are taken over, or as it would have become in the `left_s` that
+/// the item still needs. It returns at once if nothing is taken over.
 ///
 /// # Errors
 /// [`ProcedureError::NotWarm`]; the module stays owed to the next item.
 pub(super) async fn restore(
     bench: &ProcedureContext<'_>,
     recorder: &Recorder<'_>,
-    course: Option<&mut Course<'_>>,
+    (left_s, course): (f64, Option<&mut Course<'_>>),
 ) -> Result<(), ProcedureError> {
     let (heat, clock, board) = (bench.heat, bench.clock, bench.board);
-    let Some(target) = heat.owed.get() else { return Ok(()) };
+    let Some(owed) = heat.owed.get() else { return Ok(()) };
     clock.stands.set(true);
     let mut stream = board.listen(StreamId::Imu).await?;
     let began_us = stream.board_time_us();
     board.call(&StreamStart { stream: StreamId::Imu as u8, rate_hz: RATE_HZ, count: 0, samples_per_frame: 1 }).await?;
     let bound_s = (heat.rules.wait_s - heat.waited_s.get()).max(0.0);
-    let mut wait = HeatWait::new(target, heat.rules.within_k, bound_s, RATE_HZ);
+    let mut wait = HeatWait::new(&owed, left_s, heat.rules.within_k, bound_s, RATE_HZ);
     let waited = follow(&mut wait, &mut stream, bench, recorder, course).await;
     heat.waited_s.set(heat.waited_s.get() + wait.waited_s());
     clock.waited_us.set(clock.waited_us() + stream.board_time_us().saturating_sub(began_us));
@@ -130,7 +130,7 @@ async fn follow(
             Some(course) => course.warms(warmth),
             None => bench.board.advanced(warmth.waited_s, warmth.waited_s + warmth.left_s.unwrap_or(warmth.bound_s)),
         }
-        if !told && warmth.now.apart_k(warmth.target) > bench.heat.rules.within_k {
+        if !told && !wait.is_there() {
             told = true;
             recorder.note(&announced(bench.heat, &warmth)).await?;
         }

@@ -9,9 +9,9 @@ use crate::quantity::{Dimension, quantity_at};
 const WAIT_S: f64 = 1800.0;
 /// Bounds of that wait: no wait at all, and a shift.
 const WAITS_S: (f64, f64) = (0.0, 28_800.0);
-/// Difference of temperature that the plan accepts if it states none. A tenth of the drift that the plans of this station
-/// accept within a calibration, and more than a thermometer scatters by.
-const WITHIN_K: f64 = 0.2;
+/// Difference of temperature that the plan accepts if it states none: a quarter of the drift that the plans of this station
+/// accept within a calibration. A room that is kept at its temperature stays within it from day to day.
+const WITHIN_K: f64 = 0.5;
 /// Bounds of that difference: the resolution of the thermometers, and a room on another day.
 const WITHINS_K: (f64, f64) = (0.01, 20.0);
 

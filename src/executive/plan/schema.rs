@@ -34,7 +34,7 @@ pub fn plan_schema() -> Value {
                 "properties": {
                     "wait": { "description": "Longest wait of a run. If it is left out: 30 min.", "type": "string" },
                     "within": {
-                        "description": "Difference from the temperature at the end of those captures. If it is left out: 0.2 degC.",
+                        "description": "Difference from the temperature at the end of those captures. If it is left out: 0.5 degC.",
                         "type": "string"
                     }
                 }
