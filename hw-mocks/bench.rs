@@ -148,7 +148,10 @@ impl SimulatedBench {
     #[must_use]
     pub fn new(options: &BenchOptions) -> Self {
         let table = options.personality.model.turntable;
-        let mut world = World::new(options.site, options.utc_start, options.ambient_c);
+        let heat = options.personality.model.heat;
+        let room_c = heat.room_c.unwrap_or(options.ambient_c);
+        let mut world = World::new(options.site, options.utc_start, room_c);
+        (world.rise_k, world.warm_up_s) = (heat.rise_k, heat.warm_up_s);
         world.fixture_field_gauss = table.field_mgauss.map(|field| field * 1e-3).into();
         world.field_swing = table.field_swing_ppm * 1e-6;
         let serial_number = options.serial_number.as_deref().unwrap_or("SIM-0001");

@@ -49,6 +49,11 @@
 //! late_ms = 800.0
 //! hangs_every = 3                      # power-ons; it does not start before the next one
 //!
+//! [heat]                               # of the module: its temperature goes to the room's, and with power above it
+//! room_c = 23.0
+//! rise_k = 5.0                         # above the room, with power
+//! warm_up_s = 180.0                    # time constant
+//!
 //! [rails]                              # of the module; the 5 V rail is never above the supply
 //! v5_v = 4.985
 //! v3v3_v = 3.306
@@ -96,6 +101,8 @@
 //! bandwidth_hz = 80.0                  # of the chip's low-pass; 0: none. Noise and motion pass it
 //! bandwidth_order = 2                  # or 1; without it as in a good module, where there is one, else 2
 //! update_rate_hz = 100.0               # a stream that reads more often finds the last conversion again
+//! bias_per_k_dph = 2.88                # of all three
+//! response_per_k = 3e-5                # relative
 //! noise_per_k = [0.01, 0.0, 0.0]       # the white noise grows by the exponential of this a kelvin; as it is at 25 degC
 //! clip_low_dps = -inf                  # the converter ends there; inf is none
 //! clip_high_dps = [inf, 150.0, inf]
@@ -252,6 +259,7 @@ use crate::oscillator::Oscillator;
 use crate::sampling::SamplingFaults;
 use crate::turntable::TableModel;
 use crate::wire_faults::WireFaults;
+use crate::world::HeatModel;
 
 /// A checked personality.
 #[derive(Debug, Clone, PartialEq)]
@@ -303,6 +311,7 @@ pub(crate) struct PersonalityModel {
     pub(crate) sampling: SamplingFaults,
     pub(crate) caches_identity: bool,
     pub(crate) supply: SupplyModel,
+    pub(crate) heat: HeatModel,
     pub(crate) start: StartFaults,
     pub(crate) rails: Rails,
     pub(crate) cpu: CpuFaults,
@@ -420,6 +429,7 @@ impl PersonalityModel {
                 swapped_after: model.start.swapped_after,
                 ..root.within("start", devices::start).unwrap_or_default()
             },
+            heat: root.within("heat", devices::heat).unwrap_or_default(),
             rails: root.within("rails", devices::rails).unwrap_or_default(),
             cpu: root.within("cpu", devices::cpu).unwrap_or_default(),
             timers: root.within("timers", devices::timers).unwrap_or_default(),
@@ -492,6 +502,7 @@ impl Default for PersonalityModel {
             sampling: SamplingFaults::default(),
             caches_identity: false,
             supply: SupplyModel::default(),
+            heat: HeatModel::default(),
             start: StartFaults::default(),
             rails: Rails::default(),
             cpu: CpuFaults::default(),

@@ -159,6 +159,23 @@ pub struct Influence {
     pub temperature_c: f64,
 }
 
+/// How a module warms up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeatModel {
+    /// Temperature of the room; that of the bench if not given.
+    pub room_c: Option<f64>,
+    /// Rise above the room under power.
+    pub rise_k: f64,
+    /// Time constant.
+    pub warm_up_s: f64,
+}
+
+impl Default for HeatModel {
+    fn default() -> Self {
+        Self { room_c: None, rise_k: 5.0, warm_up_s: 180.0 }
+    }
+}
+
 /// The world. Its time is true time since the bench was started.
 #[derive(Debug, Clone)]
 pub struct World {
@@ -195,8 +212,8 @@ impl World {
             fixture_field_gauss: Vector3::zeros(),
             field_swing: 0.0,
             ambient_c,
-            rise_k: 5.0,
-            warm_up_s: 180.0,
+            rise_k: HeatModel::default().rise_k,
+            warm_up_s: HeatModel::default().warm_up_s,
             up: ModuleAxis::Z,
             sign: Sign::Plus,
             heading_deg: 0.0,

@@ -21,6 +21,7 @@ use crate::devices::start::StartFaults;
 use crate::devices::supply::SupplyModel;
 use crate::devices::timer::TimerModel;
 use crate::operator::OperatorFaults;
+use crate::world::HeatModel;
 
 /// Bytes of the coefficients that a module stores.
 const COEFFICIENT_BYTES: i64 = 300;
@@ -53,6 +54,16 @@ pub(super) fn supply(table: &TomlTable<'_, '_>) -> SupplyModel {
         off_voltage_v: table.number("off_voltage_v", (0.0, 12.0)).unwrap_or(d.off_voltage_v),
         off_current_a: table.number("off_current_a", (0.0, 5.0)).unwrap_or(d.off_current_a),
         meter_holds: table.flag("meter_holds"),
+    }
+}
+
+/// The heat of a module.
+pub(super) fn heat(table: &TomlTable<'_, '_>) -> HeatModel {
+    let d = HeatModel::default();
+    HeatModel {
+        room_c: table.number("room_c", (-40.0, 85.0)).or(d.room_c),
+        rise_k: table.number("rise_k", (0.0, 60.0)).unwrap_or(d.rise_k),
+        warm_up_s: table.number("warm_up_s", (1.0, 36_000.0)).unwrap_or(d.warm_up_s),
     }
 }
 

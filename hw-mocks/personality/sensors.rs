@@ -46,7 +46,8 @@ enum Of {
 }
 
 /// Keys of a triad that carry a unit of the kind of sensors; the names here are without it.
-const OF_TRIAD: [(&str, Of); 12] = [
+const OF_TRIAD: [(&str, Of); 13] = [
+    ("bias_per_k", Of::Bias),
     ("bias_stability", Of::Bias),
     ("bias_repeatability", Of::Bias),
     ("turn_on", Of::Bias),
@@ -177,6 +178,12 @@ fn model(table: &TomlTable<'_, '_>, units: &Units, default: TriadModel) -> Triad
     model.update_rate_hz = table.number("update_rate_hz", (0.01, HIGHEST_HZ)).or(model.update_rate_hz);
     // A factor of more than a thousand in seven kelvin is not sensor noise.
     let noise_per_k = table.entry("noise_per_k").and_then(|entry| per_axis(&entry, (-1.0, 1.0)));
+    let per_k = |entry: TomlEntry<'_, '_>, most: f64| entry.number((-most, most));
+    let bias_per_k = units.entry(table, "bias_per_k", Of::Bias).and_then(|entry| per_k(entry, MOST));
+    model.bias_per_k = bias_per_k.map_or(model.bias_per_k, |bias| bias * units.bias_in_signal);
+    // A per cent in a kelvin is no sensor.
+    let response_per_k = table.entry("response_per_k").and_then(|entry| per_k(entry, 0.01));
+    model.response_per_k = response_per_k.unwrap_or(model.response_per_k);
     model.noise_per_k = noise_per_k.map_or(model.noise_per_k, Vector3::from);
     model
 }

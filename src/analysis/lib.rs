@@ -6,5 +6,6 @@
 pub mod capture;
 pub mod details;
 pub mod figures;
+pub mod heat;
 pub mod host_clock;
 pub mod motion;

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use gnc_analysis::capture::Pose;
+use gnc_analysis::heat::Warmth;
 use gnc_analysis::motion::{MotionProgram, MotionStep, Uses};
 use gnc_board::BoardLease;
 use gnc_protocol::stream::ImuSample;
@@ -92,6 +93,8 @@ pub enum Stage {
         /// Bench time.
         span_s: f64,
     },
+    /// A resumed run waits until the module is as warm as it was.
+    Warming(Warmth),
     /// All captures are taken, and the figures are worked out.
     WorkingOut,
 }
@@ -150,6 +153,15 @@ impl Guidance {
         self.present().map_or(0.0, |planned| (planned.span_s - self.captured_s).max(0.0))
     }
 
+    /// How a wait for the module's heat stands, if the station waits for it.
+    #[must_use]
+    pub fn warmth(&self) -> Option<Warmth> {
+        match self.stage {
+            Stage::Warming(warmth) => Some(warmth),
+            _ => None,
+        }
+    }
+
     /// Bench time that the program still needs.
     #[must_use]
     pub fn left_s(&self) -> f64 {
@@ -161,7 +173,9 @@ impl Guidance {
     pub fn turn(&self) -> Option<f64> {
         let sense = match (self.stage, self.present().map(|planned| &planned.pose)) {
             (Stage::SpinningUp { rate_dps }, _) => rate_dps,
-            (Stage::WorkingOut | Stage::Laying | Stage::PoweredOff { .. } | Stage::Stopping, _) => return None,
+            (Stage::WorkingOut | Stage::Laying | Stage::PoweredOff { .. } | Stage::Stopping | Stage::Warming(_), _) => {
+                return None;
+            }
             (_, Some(Pose::Spinning { rate_dps, .. })) => *rate_dps,
             (Stage::Capturing, Some(Pose::Rotating { angle_deg, .. })) => *angle_deg,
             _ => return None,
@@ -280,6 +294,12 @@ impl<'a> Course<'a> {
     /// Passes over steps that take so long, since their captures exist already.
     pub(crate) fn passes_over(&mut self, span_s: f64) {
         self.now.done_s += span_s;
+    }
+
+    /// The station waits until the module is as warm as it was.
+    pub(crate) fn warms(&mut self, warmth: Warmth) {
+        self.now.stage = Stage::Warming(warmth);
+        self.hand_on(true);
     }
 
     /// All steps are over.

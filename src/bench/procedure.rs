@@ -9,6 +9,7 @@ mod download;
 mod error;
 mod flash;
 mod gnss;
+mod heat;
 mod identity;
 mod imu;
 mod io;
@@ -19,6 +20,8 @@ mod sci;
 mod spi;
 mod start;
 mod timers;
+
+use std::cell::Cell;
 
 use gnc_analysis::figures::Findings;
 use gnc_analysis::host_clock::HostClock;
@@ -34,6 +37,7 @@ use crate::guidance::Guide;
 use crate::recorder::Recorder;
 
 pub(crate) use error::ProcedureError;
+pub(crate) use heat::{AttemptClock, Heat};
 pub(crate) use start::ModuleSeen;
 
 /// What a procedure works with.
@@ -53,6 +57,12 @@ pub(crate) struct ProcedureContext<'a> {
     pub earlier: Vec<(String, Findings)>,
     /// The earlier run whose captures are taken over; a second attempt captures anew.
     pub resumed: Option<&'a Resumed>,
+    /// What a resumed run owes the module.
+    pub heat: &'a Heat,
+    /// The clock of the attempt.
+    pub clock: &'a AttemptClock,
+    /// Set if some captures of the attempt are taken over and others are new.
+    pub mixed: &'a Cell<bool>,
     /// Tells people how far captures are.
     pub guide: &'a Guide,
     /// Whether the host's clock runs at the pace of the board's world.
@@ -82,7 +92,10 @@ pub(crate) async fn run(
         ItemId::Sdram => memory::run(bench, gnc_protocol::message::Ram::Sdram, params, recorder).await,
         ItemId::SpiFlash => flash::run(bench, gnc_protocol::message::Flash::Spi, params, recorder).await,
         ItemId::InternalFlash => flash::run(bench, gnc_protocol::message::Flash::Internal, params, recorder).await,
-        ItemId::Imu => imu::run(bench, params, recorder).await,
+        ItemId::Imu => {
+            heat::restore(bench, recorder, (0.0, None)).await?;
+            imu::run(bench, params, recorder).await
+        }
         ItemId::Gnss => gnss::run(bench, params, recorder).await,
         ItemId::Ad => ad::run(bench, params, recorder).await,
         ItemId::Io => io::run(bench, recorder).await,

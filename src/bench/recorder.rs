@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::Findings;
-use gnc_executive::catalogue::MeasurementSpec;
+use gnc_executive::catalogue::{ItemId, MeasurementSpec};
 use gnc_executive::event::{EventKind, NoteLevel, Power};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::PlanItem;
@@ -55,6 +55,18 @@ impl<'a> Recorder<'a> {
     #[must_use]
     pub(crate) fn item(&self) -> &str {
         &self.item.name
+    }
+
+    /// Its kind.
+    #[must_use]
+    pub(crate) fn id(&self) -> ItemId {
+        self.item.id
+    }
+
+    /// The round within the attempt, from 1.
+    #[must_use]
+    pub(crate) fn repeat(&self) -> u32 {
+        *self.repeat.borrow()
     }
 
     pub(crate) fn begin_repeat(&self, repeat: u32) {

@@ -40,11 +40,11 @@ use crate::control::{Asked, RunControl};
 use crate::fixture::Fixture;
 use crate::guidance::Guidance;
 use crate::journal::RunJournal;
-use crate::procedure::{ModuleSeen, ProcedureError};
+use crate::procedure::{Heat, ModuleSeen, ProcedureError};
 use crate::turntable;
 use connection::{ConnectError, connect};
 use recovery::{session_lives, spoilt};
-use verdict::judge;
+use verdict::{judge, other_temperature};
 
 /// Items that run at once. A board takes four requests at once. One of them is left for a second request of an item, or
 /// for reading error records.
@@ -133,6 +133,7 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
         busy: RefCell::new(HashMap::new()),
         paused_since: Cell::new(None),
         module: ModuleSeen::default(),
+        heat: Heat::new(order.job.plan().resume),
     };
     let ended = run.whole().await;
     live.doing.send_replace(Vec::new());
@@ -175,6 +176,8 @@ struct Run<'a> {
     /// Time since which a pause keeps all items from running.
     paused_since: Cell<Option<Instant>>,
     module: ModuleSeen,
+    /// What a resumed run owes the module.
+    heat: Heat,
 }
 
 /// How an attempt ended.
@@ -195,6 +198,8 @@ struct Landed {
     streams: Vec<StreamId>,
     refusals: u64,
     busy: Duration,
+    /// Whether some of its captures are taken over and others are new.
+    mixed: bool,
 }
 
 type Flight<'a> = FuturesUnordered<LocalBoxFuture<'a, Landed>>;
@@ -446,7 +451,8 @@ impl Run<'_> {
         self.journal.look(|state| {
             let attempt = state.rows().get(landed.position).and_then(|row| row.attempts.last());
             let measured = attempt.map_or(&[][..], |attempt| attempt.measurements.as_slice());
-            judge(item, measured, trouble)
+            let resumed = trouble.is_none().then(|| other_temperature(measured)).flatten().filter(|_| landed.mixed);
+            judge(item, measured, trouble.or(resumed.as_ref()))
         })
     }
 

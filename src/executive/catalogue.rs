@@ -18,6 +18,7 @@ pub mod processor;
 pub mod repeated;
 pub mod sensors;
 mod shared;
+mod traces;
 
 use std::fmt;
 
@@ -30,6 +31,7 @@ pub use shared::{
     COUPLED_PAIRS, FAILED_READS, PerTriad, SAMPLE_RATE, SENSOR_PAIRS, SPIKES, STALE_SAMPLES, TEMPERATURE,
     TEMPERATURE_DRIFT,
 };
+pub use traces::{Trace, Traces};
 
 /// Makes the items out of one table. A row is an item: its description (the doc comment, which people read), its id in
 /// plans and records, and its specification.
@@ -166,6 +168,8 @@ pub struct ItemSpec {
     /// Items whose results this item uses, and the parameter that switches the need on. A plan has them before this
     /// item.
     pub needs: &'static [(ItemId, Option<When>)],
+    /// What it leaves in the module, for a run that is resumed.
+    pub traces: Traces,
     /// Board time after which an attempt is given up, unless the plan states another one.
     pub timeout_s: f64,
 }

@@ -12,6 +12,10 @@
 //! requires_plan = ["incoming"]       # plans that the module must have passed before this one
 //! valid_days = 30                    # days for which a pass counts, of this plan and of those that it requires
 //!
+//! [resume]                           # of a run that takes over captures: it waits for the module's temperature
+//! wait = "30 min"                    # at most so long in all
+//! within = "0.5 degC"                # of what those captures had at their end
+//!
 //! [[item]]
 //! id = "imu"                         # required; an item of the catalogue
 //! name = "imu-cold"                  # unique; the id, unless an item stands twice
@@ -38,6 +42,7 @@ mod closure;
 mod item;
 mod limits;
 mod params;
+mod resume;
 mod schema;
 
 use std::fmt;
@@ -53,6 +58,7 @@ use crate::quantity::Unit;
 use crate::uncertainty::Decision;
 
 pub use params::{ParamError, ParamValue, Params};
+pub use resume::ResumeRules;
 pub use schema::plan_schema;
 
 /// Largest size of one plan file in bytes. The functional plan has about 5 kB, and 20,000 items have about 2 MB. A
@@ -92,6 +98,8 @@ pub struct Plan {
     pub requires_plan: Vec<String>,
     /// Days for which a pass counts.
     pub valid_days: u32,
+    /// How a resumed run waits for the module's temperature.
+    pub resume: ResumeRules,
     items: Vec<PlanItem>,
     sources: Vec<SourceText>,
 }

@@ -1,22 +1,32 @@
 //! `--resume RUN`: takes up an interrupted run again and takes over its complete captures.
 //!
 //! Only captures are taken over: items that need only seconds run again. Everything must be unchanged: plan, chosen
-//! items, serial number, bench, the board's firmware and the calibration that the module stores. A run that ended with
-//! a verdict on the module was not interrupted. Its captures show the module as it was then, so the next run makes its
-//! own.
+//! items, serial number, bench, the board's firmware and, unless the run stored another one, the calibration that the
+//! module keeps. A run that ended with a verdict on the module was not interrupted. Its captures show the module as it was
+//! then, so the next run makes its own.
+//!
+//! An interrupted run may have taken up another one before. What it did not come to take over is taken from there.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use gnc_analysis::capture::Capture;
+use gnc_executive::catalogue::Trace;
 use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, RunHeader};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use sha2::{Digest as _, Sha256};
 
 use crate::store::captures::{self, CapturesError};
+use crate::store::chain::{self, ChainStanding};
 use crate::store::reader::{self, ReadError};
 use crate::store::{self, DIGESTS, JOURNAL, digest};
+
+/// Most runs that were taken up one after the other and are looked at: more often nobody resumes.
+const MAX_EARLIER: usize = 20;
+/// The calibration of a module whose board cannot tell it.
+const UNKNOWN: &str = "unknown";
 
 /// Why a run cannot be taken up again.
 #[derive(Debug, thiserror::Error)]
@@ -102,9 +112,12 @@ pub struct Resumed {
     folder: PathBuf,
     journal_sha256: String,
     firmware: Option<String>,
+    /// The calibration that the module kept at the first power-on; `None` if the run may have stored another one.
     calibration: Option<String>,
     /// Items that had begun: position in the plan, name, last attempt.
     begun: Vec<(usize, String, u32)>,
+    /// The run that this one had taken up.
+    before: Option<Box<Resumed>>,
 }
 
 impl Resumed {
@@ -113,6 +126,10 @@ impl Resumed {
     /// # Errors
     /// [`ResumeError`].
     pub fn read(folder: &Path, like: Like<'_>) -> Result<Self, ResumeError> {
+        Self::read_with_earlier(folder, like, MAX_EARLIER)
+    }
+
+    fn read_with_earlier(folder: &Path, like: Like<'_>, earlier: usize) -> Result<Self, ResumeError> {
         let state = reader::fold(folder).map_err(ResumeError::Unreadable)?;
         let path = folder.join(JOURNAL);
         let unreadable = |source| ResumeError::Unreadable(ReadError::File { path: path.clone(), source });
@@ -132,28 +149,34 @@ impl Resumed {
             Some(_) if !reader::is_sealed(folder) => return Err(ResumeError::Unsealed),
             _ => {}
         }
-        // A run that was stopped in order is closed, so its digests are checked.
-        if folder.join(DIGESTS).exists()
-            && let Some(what) = reader::verify(folder).into_iter().next()
-        {
-            return Err(ResumeError::Changed { what });
-        }
+        unchanged(folder, &state)?;
+        let begun: Vec<(usize, String, u32)> = (state.rows().iter().enumerate())
+            .filter(|(_, row)| !row.attempts.is_empty())
+            .map(|(position, row)| (position, row.planned.name.clone(), u32::try_from(row.attempts.len()).unwrap_or(1)))
+            .collect();
+        let stores = begun.iter().any(|(position, ..)| state.rows()[*position].planned.id.leaves(Trace::Coefficients));
         let lines = journal.split_inclusive(|byte| *byte == b'\n');
-        let events = lines.map_while(|line| serde_json::from_slice::<Event>(line).ok());
-        let calibration = events.into_iter().find_map(|event| match event.kind {
-            EventKind::Power(power) if power.on => Some(power.calibration),
+        let mut events = lines.map_while(|line| serde_json::from_slice::<Event>(line).ok());
+        let kept = events.find_map(|event| match event.kind {
+            EventKind::Power(power) if power.on => Some(power.calibration.unwrap_or_else(|| UNKNOWN.to_owned())),
             _ => None,
         });
-        let begun = state.rows().iter().enumerate().filter(|(_, row)| !row.attempts.is_empty());
-        let begun = begun.map(|(position, row)| {
-            (position, row.planned.name.clone(), u32::try_from(row.attempts.len()).unwrap_or(1))
-        });
+        let before = match (earlier, was.resumed.as_ref().and_then(|before| folder_of(folder, before))) {
+            (1.., Some(before)) => Some(Box::new(Self::read_with_earlier(&before, like, earlier - 1)?)),
+            _ => None,
+        };
+        // A run that ended before the module had power knows no more than the one before it.
+        let knows = before.as_deref().filter(|_| kept.is_none());
         Ok(Self {
             folder: folder.to_owned(),
             journal_sha256: digest::hexadecimal(&Sha256::digest(&journal)),
-            firmware: state.board().map(|board| board.firmware.clone()),
-            calibration: calibration.flatten(),
-            begun: begun.collect(),
+            firmware: state
+                .board()
+                .map(|board| board.firmware.clone())
+                .or_else(|| before.as_ref().and_then(|before| before.firmware.clone())),
+            calibration: kept.or_else(|| knows.and_then(|before| before.calibration.clone())).filter(|_| !stores),
+            begun,
+            before,
         })
     }
 
@@ -172,28 +195,83 @@ impl Resumed {
         // A run that was interrupted before it found a board has no captures either.
         if let Some(was) = &self.firmware {
             same("the firmware", was, firmware.unwrap_or("none"))?;
-            let was = self.calibration.as_deref().unwrap_or("unknown");
-            same("a module with the calibration", was, calibration.unwrap_or("unknown"))?;
+        }
+        if let Some(was) = &self.calibration {
+            same("a module with the calibration", was, calibration.unwrap_or(UNKNOWN))?;
         }
         Ok(())
     }
 
-    /// The complete captures of an item, in order; empty if the item had not begun.
+    /// The complete captures of a round of an item, from 1; empty if the round had not begun.
     ///
     /// # Errors
     /// The raw samples of the item are damaged.
-    pub fn captures(&self, item: &str) -> Result<Vec<Capture>, ResumeError> {
-        let Some((position, name, attempt)) = self.begun.iter().find(|(_, name, _)| name == item) else {
-            return Ok(Vec::new());
+    pub fn captures(&self, item: &str, repeat: u32) -> Result<Vec<Capture>, ResumeError> {
+        let begun = self.begun.iter().find(|(_, name, _)| name == item);
+        let mut captures = match begun {
+            Some((position, name, attempt)) => {
+                complete(&captures::path(&self.folder, *position, name, *attempt, repeat))?
+            }
+            None => Vec::new(),
         };
-        let path = captures::path(&self.folder, *position, name, *attempt, 1);
-        if !path.exists() {
-            return Ok(Vec::new());
+        // A second attempt is made because the captures of the first are no good.
+        let first = begun.is_none_or(|(_, _, attempt)| *attempt == 1);
+        if let Some(before) = self.before.as_ref().filter(|_| first) {
+            for older in before.captures(item, repeat)? {
+                if !captures.iter().any(|capture| capture.about == older.about) {
+                    captures.push(older);
+                }
+            }
         }
-        let mut captures = captures::read(&path)?.captures;
-        captures.retain(|capture| !capture.losses.any() && capture.check_clock().is_ok());
         Ok(captures)
     }
+}
+
+/// The captures of a file that no figure need refuse; empty if there is no file.
+fn complete(path: &Path) -> Result<Vec<Capture>, ResumeError> {
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let mut captures = captures::read(path)?.captures;
+    captures.retain(|capture| !capture.losses.any() && capture.check_clock().is_ok());
+    Ok(captures)
+}
+
+/// Checks a closed run against its digests, and those against the chain. A run that was cut off has neither.
+fn unchanged(folder: &Path, state: &RunState) -> Result<(), ResumeError> {
+    if !folder.join(DIGESTS).exists() {
+        return Ok(());
+    }
+    if let Some(what) = reader::verify(folder).into_iter().next() {
+        return Err(ResumeError::Changed { what });
+    }
+    match chain::standing(folder) {
+        Ok(ChainStanding::Held | ChainStanding::NoChain) => Ok(()),
+        // A power cut came between the digests and the chain; the start of the next run repairs that.
+        Ok(ChainStanding::Missing) if state.is_interrupted() => Ok(()),
+        Ok(ChainStanding::Missing) => {
+            Err(ResumeError::Changed { what: "the chain of closed runs does not have it".to_owned() })
+        }
+        Ok(ChainStanding::Other) => Err(ResumeError::Changed {
+            what: format!(
+                "{DIGESTS} was changed after the run was closed: the chain of closed runs has another digest"
+            ),
+        }),
+        Err(error) => Err(ResumeError::Changed { what: gnc_text::with_causes(&error) }),
+    }
+}
+
+/// The folder of a run that another run of the same module had taken up.
+fn folder_of(run: &Path, earlier: &EarlierRun) -> Option<PathBuf> {
+    let run = std::path::absolute(run).ok()?;
+    let records = run.ancestors().nth(3)?;
+    let module = run.parent()?.file_name()?;
+    let days = reader::days(records).ok()?;
+    let folders = days.into_iter().rev().map(|(day, _)| records.join(day).join(module).join(&earlier.run));
+    folders.into_iter().find(|folder| {
+        fs::read(folder.join(JOURNAL))
+            .is_ok_and(|journal| digest::hexadecimal(&Sha256::digest(&journal)) == earlier.journal_sha256)
+    })
 }
 
 fn same(what: &'static str, was: &str, is: &str) -> Result<(), ResumeError> {

@@ -3,29 +3,31 @@
 mod compensated;
 mod losses;
 mod receiver;
+mod taken;
 
 use std::time::Duration;
 
 use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Timing};
 use gnc_analysis::motion::watch::{TURN_PART, TurnWatch, Watch, turned_deg};
-use gnc_analysis::motion::{MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses, program};
+use gnc_analysis::motion::{MotionProgram, MotionStep, REST_BEFORE_S, ResumeAction, Uses};
 use gnc_board::stream::{Closed, SampleFrame, Stream};
-use gnc_executive::plan::PlanItem;
+use gnc_executive::catalogue::Trace;
 use gnc_metrology::sample_clock::{ClockFault, SampleClock};
 use gnc_protocol::calibration::CompensatedSample;
 use gnc_protocol::message::{Identity, ModulePower, StreamStart};
 use gnc_protocol::stream::{ImuSample, Losses, StreamId};
 use gnc_protocol::wire::{FieldReader, Wire};
 use gnc_records::raw::{Piece, pieces};
-use gnc_records::resume::Resumed;
 use gnc_records::store::RawFile;
 
 use super::sampling::{ClockWatch, samples_per_frame};
 use super::start::{Start, first_identity};
-use super::{ProcedureContext, ProcedureError, Recorder};
+use super::{ProcedureContext, ProcedureError, Recorder, heat};
 use crate::fixture::TakenOver;
 use crate::guidance::Course;
 use crate::turntable::{self, Turntable};
+
+pub(super) use taken::is_captured;
 
 /// A turn that takes longer than this factor times its span, plus the slack in seconds, is not the turn that was asked
 /// for.
@@ -45,7 +47,7 @@ pub(super) async fn run(
 ) -> Result<Vec<Capture>, ProcedureError> {
     let table = turntable::of(bench.fixture, recorder);
     let table = table.as_ref();
-    let taken = taken(bench, recorder).await?;
+    let taken = taken::taken(bench, recorder).await?;
     let course = Course::new(program, bench.board, bench.guide);
     let mut capture = ProgramCapture {
         bench,
@@ -65,29 +67,6 @@ pub(super) async fn run(
     capture.course.works_out();
     capture.raw.finish().await?;
     Ok(capture.captures)
-}
-
-/// Whether an earlier run has all captures of an item, so that the table stands still and the operator has nothing to prepare. Captures
-/// that cannot be read are told when the item takes them over.
-pub(super) async fn is_captured(item: &PlanItem, resumed: &Resumed) -> bool {
-    let Ok(Some(program)) = program(item.id, &item.params) else { return false };
-    let (resumed, name) = (resumed.clone(), item.name.clone());
-    let read = tokio::task::spawn_blocking(move || resumed.captures(&name)).await;
-    let Ok(Ok(captures)) = read else { return false };
-    let mut heads = program.steps.iter().filter_map(MotionStep::about);
-    heads.all(|about| captures.iter().any(|capture| capture.about == *about))
-}
-
-/// The captures of this item from an earlier run, read in parallel to the conversation with the board.
-async fn taken(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -> Result<Vec<Capture>, ProcedureError> {
-    let Some(resumed) = bench.resumed else { return Ok(Vec::new()) };
-    let (resumed, item) = (resumed.clone(), recorder.item().to_owned());
-    match tokio::task::spawn_blocking(move || resumed.captures(&item)).await {
-        Ok(captures) => Ok(captures?),
-        Err(_) => Err(ProcedureError::Analysis {
-            why: "the reading of earlier captures stopped unexpectedly, by a fault of this program".into(),
-        }),
-    }
 }
 
 struct ProgramCapture<'a> {
@@ -110,7 +89,12 @@ impl ProgramCapture<'_> {
         let over = TakenOver::of(&actions);
         if !over.taken.is_empty() {
             self.recorder.note(&over.to_string()).await?;
+            self.bench.heat.owe(&in_order(&actions, &taken));
+            self.bench.mixed.set(self.bench.mixed.get() || !over.left.is_empty());
             self.table.taken_over(over);
+        }
+        if actions.iter().any(|action| matches!(action, ResumeAction::Do(_))) && self.recorder.id().feels(Trace::Heat) {
+            heat::restore(self.bench, self.recorder, (left_s, Some(&mut self.course))).await?;
         }
         for action in actions {
             match action {
@@ -318,6 +302,13 @@ impl ProgramCapture<'_> {
             ProcedureError::Spoilt { label: about.label.clone(), at_s, spoilt }
         })
     }
+}
+
+/// The captures that a program takes over, in its order.
+fn in_order<'c>(actions: &[ResumeAction<'_>], taken: &'c [Capture]) -> Vec<&'c Capture> {
+    let taken_over = actions.iter().filter(|action| matches!(action, ResumeAction::Take(_)));
+    let heads = taken_over.filter_map(|action| action.step().about());
+    heads.filter_map(|about| taken.iter().find(|capture| capture.about == *about)).collect()
 }
 
 /// Checks by the gyroscope of the axis that the module turned as it should.

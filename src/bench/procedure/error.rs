@@ -98,6 +98,29 @@ pub(crate) enum ProcedureError {
     /// The captures of an earlier run cannot be taken over.
     #[error(transparent)]
     Resume(#[from] ResumeError),
+    /// The module is not as warm as it was when an earlier run captured it.
+    #[error(
+        "the module has {now_c:.2} degC after {waited_s:.0} s of waiting, and at the end of the captures that are taken over it had \
+         {target_c:.2} degC: they are not within {within_k} degC"
+    )]
+    NotWarm {
+        /// Temperature of the module.
+        now_c: f64,
+        /// Its temperature at the end of those captures.
+        target_c: f64,
+        /// The difference that the plan accepts.
+        within_k: f64,
+        /// Board time of all waits of the run.
+        waited_s: f64,
+    },
+    /// Captures that are taken over and new ones are of different temperatures.
+    #[error(
+        "{what}, and a part of the captures is taken over from an earlier run, when the module had another temperature"
+    )]
+    OtherTemperature {
+        /// The temperatures that are outside their limits.
+        what: String,
+    },
     /// The analysis of the captures broke down: a mistake in this program.
     #[error("the station could not work out any figure: {why}")]
     Analysis {
@@ -239,6 +262,11 @@ impl ProcedureError {
             Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
             Self::Figure(error) => error.try_this(),
             Self::Resume(error) => error.try_this(),
+            Self::NotWarm { .. } => {
+                "bring the room to the temperature of the earlier run and resume again; or raise `within` or `wait` under [resume] in the \
+                 plan; or run the plan from its beginning"
+            }
+            Self::OtherTemperature { .. } => "run the plan from its beginning, without --resume",
             Self::Analysis { .. } => "keep the raw samples and report this",
             Self::Captures(error) => error.try_this(),
             Self::CanOpen(error) => error.try_this(),

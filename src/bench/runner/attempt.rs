@@ -1,5 +1,7 @@
 //! One attempt of an item, from its first request to its end.
 
+use std::cell::Cell;
+
 use gnc_analysis::figures::Findings;
 use gnc_analysis::host_clock::HostClock;
 use gnc_board::latest::Follower;
@@ -14,7 +16,7 @@ use tokio::time::Instant;
 use super::recovery::session_lives;
 use super::{Doing, End, Landed, Run};
 use crate::guidance::Guide;
-use crate::procedure::{self, ProcedureContext, ProcedureError};
+use crate::procedure::{self, AttemptClock, ProcedureContext, ProcedureError};
 use crate::recorder::Recorder;
 use crate::turntable;
 
@@ -34,12 +36,13 @@ impl Run<'_> {
         let lease = BoardLease::new(board, sender);
         let recorder = Recorder::new(self.journal, item, attempt, &self.order.header.serial_number);
         // After a stop only teardown items run, and only a second stop ends those.
+        let mixed = Cell::new(false);
         let may_stop = item.phase != Phase::Teardown;
         let end = tokio::select! {
             biased;
             asked = self.control.asked_times(1), if may_stop => End::Stopped(asked),
             () = self.control.given_up(&item.name) => End::GivenUp,
-            done = self.procedure((&lease, &guide), board, item, attempt, &recorder, earlier) => End::Done(done),
+            done = self.procedure((&lease, &guide, &mixed), board, item, attempt, &recorder, earlier) => End::Done(done),
         };
         let end = match (end, lease.broken_stream()) {
             (End::Done(Ok(())), Some(broken)) => End::Done(Err(broken.into())),
@@ -69,18 +72,19 @@ impl Run<'_> {
         self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
         let (requests, busy) = (lease.requests(), lease.busy());
         let (streams, refusals) = lease.listened();
-        Landed { position, attempt, end, requests, streams, refusals, busy }
+        Landed { position, attempt, end, requests, streams, refusals, busy, mixed: mixed.get() }
     }
 
     async fn procedure(
         &self,
-        (lease, guide): (&BoardLease<'_>, &Guide),
+        (lease, guide, mixed): (&BoardLease<'_>, &Guide, &Cell<bool>),
         board: &BoardClient,
         item: &PlanItem,
         attempt: u32,
         recorder: &Recorder<'_>,
         earlier: Vec<(String, Findings)>,
     ) -> Result<(), ProcedureError> {
+        let clock = AttemptClock::default();
         let bench = ProcedureContext {
             board: lease,
             fixture: &self.order.fixture,
@@ -89,6 +93,9 @@ impl Run<'_> {
             module: &self.module,
             earlier,
             resumed: self.order.resumed.as_ref().filter(|_| attempt == 1),
+            heat: &self.heat,
+            clock: &clock,
+            mixed,
             guide,
             host_clock: host_clock(&self.order.header.bench),
         };
@@ -111,7 +118,7 @@ impl Run<'_> {
         tokio::select! {
             biased;
             done = all_repeats => done,
-            () = board_time_up(board.board_time(), item.timeout_s) => Err(ProcedureError::TookTooLong { limit_s: item.timeout_s }),
+            () = board_time_up(board.board_time(), item.timeout_s, &clock) => Err(ProcedureError::TookTooLong { limit_s: item.timeout_s }),
         }
     }
 
@@ -140,8 +147,9 @@ fn host_clock(bench: &gnc_executive::event::BenchInfo) -> HostClock {
 }
 
 /// Ends when the board's clock has gone on by this time since its next heartbeat. The last heartbeat does not tell the
-/// present board time: at full speed the simulated board has gone on by many minutes since.
-async fn board_time_up(mut board_time: Follower<BoardTime>, limit_s: f64) {
+/// present board time: at full speed the simulated board has gone on by many minutes since. A wait for the module's heat is no time
+/// of the item.
+async fn board_time_up(mut board_time: Follower<BoardTime>, limit_s: f64, clock: &AttemptClock) {
     let mut began_us = None;
     loop {
         let Some(now) = board_time.changed().await else {
@@ -152,7 +160,8 @@ async fn board_time_up(mut board_time: Follower<BoardTime>, limit_s: f64) {
             continue;
         }
         let began_us = *began_us.get_or_insert(now.board_time_us);
-        if now.board_time_us.saturating_sub(began_us) as f64 * 1e-6 > limit_s {
+        let took_us = now.board_time_us.saturating_sub(began_us).saturating_sub(clock.waited_us());
+        if !clock.stands() && took_us as f64 * 1e-6 > limit_s {
             return;
         }
     }

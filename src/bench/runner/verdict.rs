@@ -2,6 +2,7 @@
 
 use gnc_analysis::motion::watch::Spoilt;
 use gnc_board::BoardError;
+use gnc_executive::catalogue::{TEMPERATURE, TEMPERATURE_DRIFT};
 use gnc_executive::event::AttemptError;
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::Outcome;
@@ -35,6 +36,8 @@ pub(super) fn judge(
         | ProcedureError::TestIdsShared { .. }
         | ProcedureError::SamplesLost { .. }
         | ProcedureError::CaptureLost { .. }
+        // The module had another temperature in the earlier run, and that is no fault of it.
+        | ProcedureError::OtherTemperature { .. }
         // What the board says against the interface document says nothing either, and a value before it may be of the
         // same kind.
         | ProcedureError::Board(BoardError::Breach { .. } | BoardError::PowerLost) => Outcome::Errored,
@@ -50,6 +53,18 @@ pub(super) fn judge(
         _ => Outcome::Errored,
     };
     (outcome, Some(AttemptError { text: with_causes(trouble), hint: trouble.try_this().to_owned(), again: false }))
+}
+
+/// The doubt about an attempt that fails by its temperatures alone, if a part of its captures is of an earlier run.
+pub(super) fn other_temperature(measured: &[Measurement]) -> Option<ProcedureError> {
+    let failed: Vec<&Measurement> =
+        measured.iter().filter(|measurement| measurement.outcome == Some(Outcome::Failed)).collect();
+    let of_heat = |measurement: &&Measurement| [TEMPERATURE.name, TEMPERATURE_DRIFT.name].contains(&&*measurement.name);
+    if failed.is_empty() || !failed.iter().all(of_heat) {
+        return None;
+    }
+    let said = |measurement: &&Measurement| format!("{} is outside its limit", measurement.name);
+    Some(ProcedureError::OtherTemperature { what: failed.iter().map(said).collect::<Vec<_>>().join(", ") })
 }
 
 /// Whether a value that was measured lies outside its limit.

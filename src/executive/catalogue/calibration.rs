@@ -5,7 +5,9 @@ use super::shared::{
     POSE_U, POSITIONS, RAMP, RATE, REST, SETTLE, SPAN, TEMPERATURE, TEMPERATURE_DRIFT, TURN_RATE, dph, measurements,
     mg, ppm,
 };
-use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number, text};
+use super::{
+    Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Trace, Traces, count, number, text,
+};
 use crate::quantity::{Dimension, Unit};
 
 const ACCEL_BIAS: &str = "Is this accelerometer in its range in every position? If it is, suspect the sensor.";
@@ -52,6 +54,7 @@ pub(super) static SIX_POSITION: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
     needs: &[],
+    traces: Traces::CAPTURES,
     timeout_s: 14_400.0,
 };
 
@@ -105,6 +108,7 @@ pub(super) static GYRO_STILL: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
     needs: &[],
+    traces: Traces::CAPTURES,
     timeout_s: 14_400.0,
 };
 
@@ -137,6 +141,7 @@ pub(super) static ROTATION: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
     needs: &[],
+    traces: Traces::CAPTURES,
     timeout_s: 3600.0,
 };
 
@@ -165,6 +170,7 @@ pub(super) static DOWNLOAD: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::BoardSupply, Device::BoardCalibration],
     resources: &[Resource::Flash, Resource::Link, Resource::Power],
     needs: CALIBRATED,
+    traces: Traces { leaves: &[Trace::PowerOn, Trace::Coefficients], feels: &[] },
     timeout_s: 600.0,
 };
 
@@ -212,5 +218,6 @@ pub(super) static CHECK: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator, Device::BoardCalibration],
     resources: &[Resource::Attitude, Resource::Link],
     needs: &[(ItemId::CalibrationDownload, None)],
+    traces: Traces::COMPENSATED,
     timeout_s: 1800.0,
 };

@@ -1,7 +1,7 @@
 //! Magnetometer: in its plane of rotation, and over the whole sphere.
 
 use super::shared::{COVERAGE, OF_SAMPLES, RATE, SETTLE, gauss, measurements, percent, ppm, quantity};
-use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number};
+use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Traces, count, number};
 use crate::quantity::{Dimension, Unit};
 
 const ZERO: &str = "There is iron near the sensor or in the module: clear the table, then suspect the magnetometer.";
@@ -68,6 +68,7 @@ pub(super) static ELLIPSE: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
     needs: &[],
+    traces: Traces::CAPTURES,
     timeout_s: 7200.0,
 };
 
@@ -119,5 +120,6 @@ pub(super) static ELLIPSOID: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
     needs: &[],
+    traces: Traces::CAPTURES,
     timeout_s: 7200.0,
 };

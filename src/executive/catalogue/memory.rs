@@ -1,6 +1,6 @@
 //! RAM and flash memories.
 
-use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, if_text, number, text};
+use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Traces, count, if_text, number, text};
 use crate::quantity::{Dimension, Unit};
 
 /// Patterns that are written and read back.
@@ -75,6 +75,7 @@ pub(super) static INTERNAL_RAM: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Processor],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 30.0,
 };
 
@@ -86,6 +87,7 @@ pub(super) static SDRAM: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Processor],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 60.0,
 };
 
@@ -125,6 +127,7 @@ pub(super) static SPI_FLASH: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Flash],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 30.0,
 };
 
@@ -136,6 +139,7 @@ pub(super) static INTERNAL_FLASH: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Flash],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 30.0,
 };
 

@@ -4,7 +4,7 @@ use super::performance::STILL;
 use super::shared::{
     COMPENSATED, COVERAGE, OF_SAMPLES, PerTriad, RATE, SENSORS, SETTLE, dph, measurements, mg, quantity,
 };
-use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number};
+use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Traces, if_text, number};
 use crate::quantity::{Dimension, Unit};
 
 const WALK: &str = "More noise than usual: look for vibration, then suspect this sensor.";
@@ -80,6 +80,7 @@ pub(super) static ALLAN: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
     needs: COMPENSATED,
+    traces: Traces::CAPTURES,
     timeout_s: 80_000.0,
 };
 
@@ -126,5 +127,6 @@ pub(super) static PSD: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
     needs: COMPENSATED,
+    traces: Traces::CAPTURES,
     timeout_s: 80_000.0,
 };

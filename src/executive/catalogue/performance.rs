@@ -4,7 +4,7 @@ use super::shared::{
     CALIBRATED, COMPENSATED, COVERAGE, DWELL, GRAVITY_U, HEADING, HEADING_U, OF_SAMPLES, POSE_U, PerTriad, RATE,
     SENSORS, SETTLE, TEMPERATURE, TEMPERATURE_DRIFT, dph, measurements, mg, percent, quantity,
 };
-use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text, number, text};
+use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Traces, if_text, number, text};
 use crate::quantity::{Dimension, Unit};
 
 const BIAS: &str = "The calibration is no longer right: has the module warmed up, and does it lie as in its calibration? If so, calibrate again.";
@@ -41,6 +41,7 @@ pub(super) static GYRO_BIAS: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
     needs: CALIBRATED,
+    traces: Traces::CAPTURES,
     timeout_s: 14_400.0,
 };
 
@@ -73,6 +74,7 @@ pub(super) static ACCEL_BIAS: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
     needs: &[(ItemId::SixPosition, None)],
+    traces: Traces::CAPTURES,
     timeout_s: 14_400.0,
 };
 
@@ -110,6 +112,7 @@ pub(super) static BIAS_STABILITY: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
     needs: COMPENSATED,
+    traces: Traces::CAPTURES,
     timeout_s: 80_000.0,
 };
 
@@ -152,6 +155,7 @@ pub(super) static BIAS_REPEATABILITY: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::BoardSupply],
     resources: &[Resource::Still, Resource::Link, Resource::Power],
     needs: COMPENSATED,
+    traces: Traces::CYCLES_AND_CAPTURES,
     timeout_s: 80_000.0,
 };
 
@@ -218,6 +222,7 @@ pub(super) static RESOLUTION: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude, Resource::Link],
     needs: COMPENSATED,
+    traces: Traces::CAPTURES,
     timeout_s: 7200.0,
 };
 

@@ -1,6 +1,6 @@
 //! IO lines, SPI, RS-422 and CAN.
 
-use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, text};
+use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Traces, count, text};
 use crate::quantity::Unit;
 
 /// Levels that do not read as they should.
@@ -21,6 +21,7 @@ pub(super) static IO: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::IoPins],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 10.0,
 };
 
@@ -45,6 +46,7 @@ pub(super) static SPI: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::IoPins],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 10.0,
 };
 
@@ -78,6 +80,7 @@ pub(super) static SCI: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Rs422],
     resources: &[Resource::Link],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 30.0,
 };
 
@@ -124,5 +127,6 @@ pub(super) static CAN: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Can, Device::BoardCan],
     resources: &[Resource::CanBus],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 30.0,
 };

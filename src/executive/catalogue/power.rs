@@ -1,7 +1,7 @@
 //! The module's supply, switched off and on several times.
 
 use super::shared::quantity;
-use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number};
+use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Trace, Traces, count, number};
 use crate::quantity::{Dimension, Unit};
 
 const VOLTAGE: &str = "Compare the cycles in the details: if all are off, check the 5 V supply at the test socket; if one is off, check the contacts.";
@@ -73,5 +73,6 @@ pub(super) static POWER_CYCLE: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::BoardSupply],
     resources: &[Resource::Power],
     needs: &[],
+    traces: Traces { leaves: &[Trace::PowerOn], feels: &[] },
     timeout_s: 600.0,
 };

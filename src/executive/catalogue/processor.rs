@@ -1,6 +1,8 @@
 //! Identity, cores and timers.
 
-use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, if_integer, number, text};
+use super::{
+    Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Traces, count, if_integer, number, text,
+};
 use crate::quantity::{Dimension, Unit};
 
 /// Serial number that the module reports.
@@ -48,6 +50,7 @@ pub(super) static IDENTITY: ItemSpec = ItemSpec {
     // current.
     resources: &[Resource::Power],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 5.0,
 };
 
@@ -125,6 +128,7 @@ pub(super) static CPU: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Processor],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 10.0,
 };
 
@@ -243,6 +247,7 @@ pub(super) static TIMERS: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Processor],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 15.0,
 };
 

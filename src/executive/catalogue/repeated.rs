@@ -4,7 +4,7 @@ use super::shared::{
     ANGLE, ANGLE_U, BAND, CLOCK_U, COVERAGE, DWELL, GEOMETRY, GRAVITY_U, OF_SAMPLES, POSE_U, POSITIONS, PerTriad, RAMP,
     RATE, REST, SENSORS, SETTLE, SPAN, TEMPERATURE, TEMPERATURE_DRIFT, TURN_RATE, measurements, ppm,
 };
-use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, if_text};
+use super::{Device, ItemId, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Traces, if_text};
 
 const SCALE: &str = "The scale factor differs from power-on to power-on: suspect this sensor or its supply.";
 const COUPLING: &str = "Calibrations disagree about this pair of axes: was the module put into its socket again between them? If not, suspect the sensors.";
@@ -71,6 +71,7 @@ pub(super) static SCALE_FACTOR_REPEATABILITY: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator, Device::BoardSupply],
     resources: &[Resource::Attitude, Resource::Link, Resource::Power],
     needs: &[],
+    traces: Traces::CYCLES_AND_CAPTURES,
     timeout_s: 80_000.0,
 };
 
@@ -146,5 +147,6 @@ pub(super) static CROSS_COUPLING: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator, Device::BoardSupply],
     resources: &[Resource::Attitude, Resource::Link, Resource::Power],
     needs: &[],
+    traces: Traces::CYCLES_AND_CAPTURES,
     timeout_s: 80_000.0,
 };

@@ -1,7 +1,7 @@
 //! Inertial sensors, satellite receiver, AD channels and magnetometer.
 
 use super::shared::{COVERAGE, FAILED_READS, SAMPLE_RATE, SPIKES, STALE_SAMPLES, ppm, quantity};
-use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, count, number, text};
+use super::{Device, ItemSpec, MeasurementSpec, ParamKind, ParamSpec, Resource, Trace, Traces, count, number, text};
 use crate::quantity::{Dimension, Unit};
 
 const GYRO_RATE: &str = "Is the module at rest? If it is, the zero rate of this gyroscope is off: suspect the sensor.";
@@ -95,6 +95,7 @@ pub(super) static IMU: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[Resource::Still, Resource::Link],
     needs: &[],
+    traces: Traces { leaves: &[], feels: &[Trace::Heat] },
     timeout_s: 30.0,
 };
 
@@ -226,6 +227,7 @@ pub(super) static GNSS: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[],
     needs: &[],
+    traces: Traces::NONE,
     timeout_s: 120.0,
 };
 
@@ -320,6 +322,7 @@ pub(super) static AD: ItemSpec = ItemSpec {
     devices: &[Device::Slave, Device::Operator],
     resources: &[Resource::Attitude],
     needs: &[],
+    traces: Traces { leaves: &[Trace::Switches], feels: &[Trace::Switches] },
     timeout_s: 600.0,
 };
 
@@ -376,5 +379,6 @@ pub(super) static GNSS_ACCURACY: ItemSpec = ItemSpec {
     devices: &[Device::Slave],
     resources: &[],
     needs: &[],
+    traces: Traces { leaves: &[Trace::Heat], feels: &[] },
     timeout_s: 14_400.0,
 };

@@ -7,6 +7,7 @@ use gnc_config::{Mistake, Mistakes, SourceText, Span, TomlTable, Walk, did_you_m
 use gnc_text::{printable, quoted};
 
 use super::item::{self, NAME_CHARACTERS, RawItem, check_name};
+use super::resume::{self, ResumeRules};
 use super::{
     DEFAULT_VALID_DAYS, MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, MAX_REQUIRED_PLANS,
     MAX_VALID_DAYS, OnFail, Plan, PlanItem,
@@ -34,6 +35,7 @@ struct Head {
     on_fail: OnFail,
     requires_plan: Vec<String>,
     valid_days: u32,
+    resume: ResumeRules,
 }
 
 /// Reads the plan, its includes first.
@@ -55,8 +57,8 @@ pub(super) fn read(
         mistakes.add(|| Mistake::nowhere("the plan has no items", "begin each item with a line [[item]]"));
     }
     let items = link(items, &sources, unreadable, &mut mistakes);
-    let Head { name, version, description, on_fail, requires_plan, valid_days } = head;
-    mistakes.or(Plan { name, version, description, on_fail, requires_plan, valid_days, items, sources })
+    let Head { name, version, description, on_fail, requires_plan, valid_days, resume } = head;
+    mistakes.or(Plan { name, version, description, on_fail, requires_plan, valid_days, resume, items, sources })
 }
 
 impl Reader<'_> {
@@ -161,7 +163,9 @@ fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
     let requires_plan = required_plans(walk, root, &name);
     let valid_days = root.integer("valid_days", (1, MAX_VALID_DAYS), i64::from(DEFAULT_VALID_DAYS));
     let valid_days = u32::try_from(valid_days).unwrap_or(DEFAULT_VALID_DAYS);
-    Head { name, version: version.unwrap_or_default(), description, on_fail, requires_plan, valid_days }
+    let resume = resume::read(root.table("resume"));
+    let version = version.unwrap_or_default();
+    Head { name, version, description, on_fail, requires_plan, valid_days, resume }
 }
 
 /// Names of the plans that the module must have passed before the plan `name`.

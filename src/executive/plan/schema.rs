@@ -28,6 +28,18 @@ pub fn plan_schema() -> Value {
                 "description": "What the run does after an item that is not good: run the next item, or stop.",
                 "enum": ["continue", "stop"]
             },
+            "resume": {
+                "description": "How a run that takes over captures of an earlier one waits for the module's temperature.",
+                "type": "object",
+                "additionalProperties": false,
+                "properties": {
+                    "wait": { "description": "Longest wait of a run. If it is left out: 30 min.", "type": "string" },
+                    "within": {
+                        "description": "Difference from the temperature at the end of those captures. If it is left out: 0.5 degC.",
+                        "type": "string"
+                    }
+                }
+            },
             "include": {
                 "description": "Paths of other plans, relative to this file. Their items run before the items of this plan.",
                 "type": "array",

@@ -312,5 +312,42 @@ fn slipped_in(records: &Path, links: &[ChainEntry], problems: &mut Vec<String>) 
     Ok(())
 }
 
+/// What the chain says of one closed run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ChainStanding {
+    /// It has the run as it is now.
+    Held,
+    /// It has the run with other digests, or its own line was changed.
+    Other,
+    /// It does not have the run.
+    Missing,
+    /// These records have no chain: a version before it made them.
+    NoChain,
+}
+
+/// Looks a closed run up in the chain.
+///
+/// # Errors
+/// A file cannot be read.
+pub fn standing(run: &Path) -> Result<ChainStanding, StoreError> {
+    let run = &on(std::path::absolute(run), "find", run)?;
+    let mut above = run.ancestors().skip(2);
+    let (Some(day), Some(records)) = (above.next(), above.next()) else { return Ok(ChainStanding::NoChain) };
+    if !day.join(CHAIN).exists() {
+        let counted = records.join(COUNTER).exists();
+        return Ok(if counted { ChainStanding::Missing } else { ChainStanding::NoChain });
+    }
+    let name = run.strip_prefix(records).unwrap_or(run).to_string_lossy().into_owned();
+    let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.links).collect();
+    let Some(link) = links.iter().find(|link| link.run == name) else { return Ok(ChainStanding::Missing) };
+    // A line that was written anew with all that it says does not fit the next line, or the counter.
+    let follows = match links.iter().find(|next| next.number == link.number + 1) {
+        Some(next) => next.before == link.link,
+        None => counter(records)?.is_none_or(|(number, last)| number != link.number || last == link.link),
+    };
+    let is_same = digest::of_file(&run.join(DIGESTS))? == link.digest;
+    Ok(if is_same && link.is_true() && follows { ChainStanding::Held } else { ChainStanding::Other })
+}
+
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use gnc_analysis::heat::Warmth;
 use gnc_bench::control::RunControl;
 use gnc_bench::runner::{Doing, Live};
 use gnc_executive::event::{Event, EventKind, NoteLevel};
@@ -240,11 +241,23 @@ fn write(events_to_stdout: bool, text: &str) {
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
+/// A wait for the module's heat: "25.3 degC, waits for 28.0 degC, about 4 min 10 s".
+fn warming(warmth: &Warmth) -> String {
+    let left = match warmth.left_s.filter(|left_s| *left_s < warmth.bound_s) {
+        Some(left_s) => format!("about {}", text::duration(left_s)),
+        None => format!("at most {}", text::duration(warmth.bound_s)),
+    };
+    format!("{:.1} degC, waits for {:.1} degC, {left}", warmth.now.mean_c(), warmth.target.mean_c())
+}
+
 /// Describes an item that runs, with a bar or a percentage if its length is known.
 fn describe(doing: &Doing, bar: bool) -> String {
     let advance = *doing.advance.borrow();
     let (item, elapsed) = (printable(&doing.item), text::duration(doing.began.elapsed().as_secs_f64()));
     let done = usize::from(advance.done_permille.min(1000));
+    if let Some(warmth) = doing.guidance.borrow().as_ref().and_then(|guidance| guidance.warmth()) {
+        return format!("{item} {elapsed}, {}", warming(&warmth));
+    }
     if advance.expected_ms == 0 {
         format!("{item} {elapsed}")
     } else if bar {

@@ -245,6 +245,8 @@ pub(crate) struct Texts {
     pub stage_spinning_up: &'static str,
     pub stage_stopping: &'static str,
     pub stage_powered_off: &'static str,
+    pub stage_warming: &'static str,
+    pub stage_warming_at_most: &'static str,
     pub stage_working_out: &'static str,
     pub lie_up: &'static str,
     pub lie_north: &'static str,

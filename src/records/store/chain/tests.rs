@@ -145,3 +145,43 @@ fn stations_that_close_at_once_take_turns() {
     });
     assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 32, first: 1, problems: Vec::new() });
 }
+
+/// A run that was forged with its digests, its line forged with it, a line that was taken out, and records without a chain.
+#[test]
+fn one_run_is_looked_up() {
+    let (folder, runs) = records(6);
+    let standings = || runs.iter().map(|run| standing(run).expect("readable")).collect::<Vec<_>>();
+    assert_eq!(standings(), [ChainStanding::Held; 6]);
+    fs::write(runs[0].join(DIGESTS), "forged").expect("digests");
+    assert_eq!((standings()[0], standings()[2]), (ChainStanding::Other, ChainStanding::Held));
+    // The forger writes the line anew, with a link of its own.
+    let rewrite = |run: &Path, day: &str, drop: bool| {
+        let path = folder.path().join(day).join(CHAIN);
+        let text = fs::read_to_string(&path).expect("a chain");
+        let name = run.strip_prefix(folder.path()).expect("below").to_string_lossy().into_owned();
+        let lines = text.lines().filter_map(ChainEntry::parse).filter(|link| !drop || link.run != name);
+        let lines = lines.map(|link| match link.run == name {
+            true => ChainEntry::new(
+                link.number,
+                &link.before,
+                &digest::of_file(&run.join(DIGESTS)).expect("digests"),
+                &name,
+            ),
+            false => link,
+        });
+        let text: String = lines.map(|link| link.line()).collect();
+        fs::write(&path, text).expect("a chain");
+    };
+    rewrite(&runs[0], "2026-11-21", false);
+    assert_eq!((standings()[0], standings()[1]), (ChainStanding::Other, ChainStanding::Held));
+    // The counter remembers the last one.
+    fs::write(runs[5].join(DIGESTS), "forged").expect("digests");
+    rewrite(&runs[5], "2026-11-22", false);
+    assert_eq!(standings()[5], ChainStanding::Other);
+    rewrite(&runs[2], "2026-11-21", true);
+    assert_eq!(standings()[2], ChainStanding::Missing);
+    fs::remove_file(folder.path().join("2026-11-21").join(CHAIN)).expect("a chain");
+    assert_eq!(standings()[4], ChainStanding::Missing);
+    fs::remove_file(folder.path().join(COUNTER)).expect("a counter");
+    assert_eq!(standings()[4], ChainStanding::NoChain);
+}

@@ -177,6 +177,8 @@ pub(super) static TEXTS: Texts = Texts {
     stage_spinning_up: "spinning up to {} deg/s",
     stage_stopping: "coming to rest",
     stage_powered_off: "without power for {}",
+    stage_warming: "at {} degC, waits for {}: about {}",
+    stage_warming_at_most: "at {} degC, waits for {}: at most {}",
     stage_working_out: "computing the results",
     lie_up: "{} up, {} to {}° clockwise from north",
     lie_north: "{} level to the north, {} {}° from up",

@@ -1,6 +1,7 @@
 //! The position and the motion of the module in words.
 
 use gnc_analysis::capture::Pose;
+use gnc_analysis::heat::Temperatures;
 use gnc_bench::guidance::{Guidance, Stage};
 use gnc_executive::text::duration;
 use gnc_rig::{Along, MODULE_AXES, Orientation};
@@ -51,6 +52,14 @@ impl Texts {
             Stage::SpinningUp { rate_dps } => fill(self.stage_spinning_up, &[&format!("{}", Signed(rate_dps))]),
             Stage::Stopping => self.stage_stopping.to_owned(),
             Stage::PoweredOff { span_s } => fill(self.stage_powered_off, &[&duration(span_s)]),
+            Stage::Warming(warmth) => {
+                let (template, left_s) = match warmth.left_s.filter(|left_s| *left_s < warmth.bound_s) {
+                    Some(left_s) => (self.stage_warming, left_s),
+                    None => (self.stage_warming_at_most, warmth.bound_s),
+                };
+                let degc = |temperatures: Temperatures| format!("{:.1}", temperatures.mean_c());
+                fill(template, &[&degc(warmth.now), &degc(warmth.target), &duration(left_s)])
+            }
             Stage::WorkingOut => self.stage_working_out.to_owned(),
         }
     }

@@ -178,6 +178,8 @@ pub(super) static TEXTS: Texts = Texts {
     stage_spinning_up: "разгон до {} deg/s",
     stage_stopping: "остановка стола",
     stage_powered_off: "без питания {}",
+    stage_warming: "сейчас {} degC, ждём {}: около {}",
+    stage_warming_at_most: "сейчас {} degC, ждём {}: не более {}",
     stage_working_out: "расчёт показателей",
     lie_up: "{} вверх, {} на {}° от севера по часовой",
     lie_north: "{} горизонтально на север, {} в {}° от верха",

@@ -178,6 +178,8 @@ pub(super) static TEXTS: Texts = Texts {
     stage_spinning_up: "正在加速到 {} deg/s",
     stage_stopping: "正在停止转动",
     stage_powered_off: "断电 {}",
+    stage_warming: "当前 {} degC，等待到 {}：约 {}",
+    stage_warming_at_most: "当前 {} degC，等待到 {}：最多 {}",
     stage_working_out: "正在计算结果",
     lie_up: "{} 朝上，{} 指向北偏东 {}°",
     lie_north: "{} 水平朝北，{} 偏离上方 {}°",

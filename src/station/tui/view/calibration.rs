@@ -81,7 +81,8 @@ fn pose_lines(model: &ScreenModel, guidance: &Guidance, cells: usize) -> Vec<Lin
 /// Which capture of how many it is, and the time that remains for the capture, for the item and for the plan.
 fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
-    let mut lines = vec![Line::styled(text::cut(&texts.stage(guidance), cells), style::strong())];
+    let stage = text::wrap(&texts.stage(guidance), cells).into_iter();
+    let mut lines: Vec<Line<'static>> = stage.map(|line| Line::styled(line, style::strong())).collect();
     if let Some(planned) = guidance.present() {
         let which =
             fill(texts.capture_of, &[&(guidance.finished + 1).to_string(), &guidance.captures.len().to_string()]);
