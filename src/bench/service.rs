@@ -14,7 +14,7 @@ use std::time::Duration;
 use chrono::{DateTime, FixedOffset, Local};
 use gnc_config::Mistakes;
 use gnc_executive::bench::BenchSite;
-use gnc_executive::event::{BenchInfo, Loop, ProgramVersion, RunHeader, events_schema};
+use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader, events_schema};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
@@ -22,6 +22,7 @@ use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::resume::{Like, ResumeError, Resumed};
+use gnc_records::standing::{self, PlanAsked, Question, Standing};
 use gnc_records::store::{RecordWriter, RunFolder, StationKey, StoreError, Watcher, seal_interrupted};
 use tokio::time::Instant;
 
@@ -134,6 +135,16 @@ pub enum ServiceError {
     /// The earlier run cannot be taken up.
     #[error(transparent)]
     Resume(#[from] ResumeError),
+    /// The module has no valid pass of a plan that must come before.
+    #[error("{plan} requires a pass of {}, and {serial_number} has none that counts: {standing}", standing.plan)]
+    Requires {
+        /// Name of the plan that was to run.
+        plan: String,
+        /// The module.
+        serial_number: String,
+        /// What the records say of the module by the plan that is required.
+        standing: Box<Standing>,
+    },
     /// There is no place for the record.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -149,6 +160,9 @@ impl ServiceError {
         match self {
             Self::Resume(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
+            Self::Requires { .. } => {
+                "run that plan on this module first; the whole plan must pass, on a bench like this one"
+            }
             // Each mistake in these errors has its own hint.
             Self::Unfit(_) | Self::Observer(_) => "",
         }
@@ -240,12 +254,28 @@ impl Ready {
             selection: request.selection.clone(),
             looped: None,
         };
+        Self::check_required(request, &records, header.bench.kind)?;
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, Like::header(&header))).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
         let found = seal_interrupted(&records, key.as_ref());
         let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
         Ok(Self { order, records, key })
+    }
+
+    /// Looks for a valid pass of each plan that must come before.
+    fn check_required(request: &RunRequest, records: &Path, bench: BenchKind) -> Result<(), ServiceError> {
+        let (plan, serial_number) = (request.plan.plan(), request.serial_number.as_str());
+        let (valid_days, now) = (plan.valid_days, request.began.unwrap_or_else(|| Local::now().fixed_offset()));
+        for required in &plan.requires_plan {
+            let question = Question { serial_number, plan: PlanAsked::Named(required), valid_days, bench, now };
+            let standing = standing::read(records, &question)?;
+            if !standing.passes() {
+                let (plan, serial_number) = (plan.name.clone(), gnc_text::printable(serial_number).into_owned());
+                return Err(ServiceError::Requires { plan, serial_number, standing: Box::new(standing) });
+            }
+        }
+        Ok(())
     }
 
     async fn round(

@@ -21,6 +21,7 @@ use gnc_executive::uncertainty::Decision;
 use gnc_plot::svg;
 
 use crate::passport::{NoPassport, Passport};
+use crate::standing::{Flaw, own_flaws};
 use markup::SvgPage;
 
 /// Word and class of the style sheet for good items of a selection, which are no pass of the module.
@@ -95,6 +96,7 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
         ("Ended", record.finished.map(|at| at.to_rfc3339())),
         ("Took", Some(duration(record.elapsed_s))),
         ("Re-judged", record.recomputed.as_ref().map(|earlier| format!("the samples of run {}", earlier.run))),
+        ("Counts for the module", Some(worth(record))),
         ("Round", record.looped.map(|round| round.index.to_string())),
         ("Decision rule", decision_rule(record)),
         ("Stopped by", record.stop.as_ref().map(|stop| stop.by.clone())),
@@ -106,6 +108,20 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
         }
     }
     page.close("table");
+}
+
+/// Whether the verdict counts for the module, as far as the record can tell while it is closed.
+fn worth(record: &RunRecord) -> String {
+    let flaws = own_flaws(record);
+    let words = flaws.iter().map(|flaw| match flaw {
+        Flaw::Selection => "only chosen items were run",
+        Flaw::NoVerdict => "the station could not tell",
+        flaw => flaw.words().unwrap_or("it cannot be read"),
+    });
+    match flaws.is_empty() {
+        true => "yes, as long as its plan says, while the record is as it was closed and in the chain".to_owned(),
+        false => format!("no: {}", words.collect::<Vec<_>>().join(", ")),
+    }
 }
 
 /// The rules by which this run used coverage intervals; `None` if no value had an interval.

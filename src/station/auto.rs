@@ -15,10 +15,11 @@ use gnc_bench::fixture::{Fixture, Operator};
 use gnc_bench::runner::{Ending, Live};
 use gnc_bench::service::{self, Observer, Rounds, RunRequest, ServiceError};
 use gnc_executive::event::ProgramVersion;
+use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
 use gnc_records::store::Watcher;
-use gnc_text::with_causes;
+use gnc_text::{printable, with_causes};
 
 use crate::args::RunArgs;
 use crate::hook::Hooks;
@@ -122,7 +123,15 @@ async fn all_rounds(
         hooks,
         face: None,
     };
-    let done = service::run(request, equipment, &control, &live, &mut shown).await.map_err(|error| refusal(&error))?;
+    let (records, bench) = (equipment.records.clone(), equipment.bench.kind);
+    let done = match service::run(request, equipment, &control, &live, &mut shown).await {
+        // Command line, plan and bench are in order; it is this module that cannot be judged now.
+        Err(error @ ServiceError::Requires { .. }) => {
+            complain(with_causes(&error), error.try_this());
+            return Ok(Verdict::new(Outcome::Errored, request.selection.is_some()));
+        }
+        done => done.map_err(|error| refusal(&error))?,
+    };
     if let Some(hooks) = shown.hooks.take() {
         tokio::select! {
             _ = control.asked_times(2) => {}
@@ -134,6 +143,14 @@ async fn all_rounds(
     }
     if done.verdicts.len() > 1 {
         face::say(args.events, &format!("{} rounds: {}", done.verdicts.len(), counts(&done.verdicts)));
+    }
+    let serial_number = printable(&request.serial_number);
+    match setup::standing(&records, &request.serial_number, &request.plan, bench) {
+        Ok(standing) => face::say(args.events, &format!("{serial_number}: {standing}")),
+        Err(error) => complain(
+            format_args!("the standing of {serial_number} is not known: {}", with_causes(&error)),
+            error.try_this(),
+        ),
     }
     Ok(done.verdict())
 }

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use gnc_executive::record::RunRecord;
 use gnc_executive::text;
+use gnc_records::standing::{Seal, Seals};
 use gnc_records::store::{PublicKey, StationKey, StoreError, chain, reader};
 use gnc_text::printable;
 
@@ -53,10 +54,15 @@ fn list(records: &Path) -> Result<ExitCode, StoreError> {
     if runs.is_empty() {
         let _ = writeln!(out, "no run is recorded in {}", records.display());
     }
+    let mut seals = Seals::new(records);
     for found in runs {
         let place = found.path.strip_prefix(records).unwrap_or(&found.path).display().to_string();
         let line = match &found.run {
-            Ok(run) => summary(run, found.sealed),
+            Ok(run) => {
+                // The word for a run that is not closed stands before.
+                let kept = if found.sealed { seals.seal(&found.path)? } else { Seal::Chained };
+                summary(run, found.sealed, kept)
+            }
             Err(error) => {
                 let word = if error.is_newer() { "newer" } else { "unreadable" };
                 format!("{word:<12}{}", printable(&gnc_text::with_causes(error)))
@@ -67,13 +73,16 @@ fn list(records: &Path) -> Result<ExitCode, StoreError> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn summary(run: &RunRecord, sealed: bool) -> String {
+fn summary(run: &RunRecord, sealed: bool, kept: Seal) -> String {
     let outcome = match run.interrupted {
         true => "interrupted",
         false if !sealed => "unsealed",
         false => run.verdict.as_str(),
     };
-    let remarks: String = text::caveats(run).iter().map(|caveat| format!(" {caveat}")).collect();
+    let mut remarks: String = text::caveats(run).iter().map(|caveat| format!(" {caveat}")).collect();
+    if let Seal::Flawed(flaw) = kept {
+        remarks.push_str(&format!(" {}", flaw.words().unwrap_or_default()));
+    }
     let serial_number = printable(&run.serial_number);
     format!("{outcome:<12}{}  {serial_number:<16} {:<12}{remarks:<20}", run.started.format("%F %T"), run.plan.name)
 }

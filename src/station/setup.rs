@@ -5,15 +5,16 @@ mod simulated;
 
 use std::path::{Path, PathBuf};
 
-use chrono::NaiveTime;
+use chrono::{Local, NaiveTime};
 use gnc_bench::fixture::Fixture;
-use gnc_bench::service::Equipment;
+use gnc_bench::service::{CheckedPlan, Equipment};
 use gnc_executive::bench::{BenchFile, BenchSite, OperatorHabit, TestSocket};
-use gnc_executive::event::BenchInfo;
+use gnc_executive::event::{BenchInfo, BenchKind};
 use gnc_executive::job::BenchAbilities;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
-use gnc_records::store::StationKey;
+use gnc_records::standing::{self, PlanAsked, Question, Standing};
+use gnc_records::store::{StationKey, StoreError};
 
 use crate::args::{RunArgs, SimLink};
 use crate::files::{self, ReadFile};
@@ -272,6 +273,18 @@ pub(crate) fn records_folder(args: &RunArgs) -> PathBuf {
         Ok(file) if args.sim.is_none() => records(args, &file, path.parent()),
         _ => args.records.clone().unwrap_or_else(|| RECORDS.into()),
     }
+}
+
+/// What the records say of a module by a plan, now.
+pub(crate) fn standing(
+    records: &Path,
+    serial_number: &str,
+    plan: &CheckedPlan,
+    bench: BenchKind,
+) -> Result<Standing, StoreError> {
+    let (info, valid_days) = (plan.info(), plan.plan().valid_days);
+    let (plan, now) = (PlanAsked::This(&info), Local::now().fixed_offset());
+    standing::read(records, &Question { serial_number, plan, valid_days, bench, now })
 }
 
 /// Reads the station's key. Its path is relative to the folder of the bench file.

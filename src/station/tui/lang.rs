@@ -6,6 +6,7 @@ mod en;
 mod motion;
 mod ru;
 mod ru_catalogue;
+mod standing;
 mod zh;
 mod zh_catalogue;
 
@@ -14,9 +15,11 @@ use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::verdict::Verdict;
+use gnc_records::standing::Flaw;
 
 use super::keymap::KeyAction;
 pub use crate::args::Lang;
+pub(crate) use standing::standing;
 
 impl Lang {
     /// All languages.
@@ -171,8 +174,14 @@ pub(crate) struct Texts {
     pub no_bench: &'static str,
     pub not_during_run: &'static str,
     pub not_running_item: &'static str,
-    pub never_tested_today: &'static str,
-    pub tested_today: &'static str,
+    pub never_tested: &'static str,
+    /// Chosen items.
+    pub standing_only: &'static str,
+    pub standing_only_items: &'static str,
+    /// What there is instead, and the plan that was never run.
+    pub standing_other: &'static str,
+    /// What counts, and what came after it.
+    pub standing_then: &'static str,
     pub events_lost: &'static str,
     pub store_error: &'static str,
     pub run_refused: &'static str,
@@ -291,6 +300,8 @@ pub(crate) struct Texts {
     pub ask: fn(&Ask) -> String,
     pub key: fn(KeyAction) -> KeyText,
     pub outcome_word: fn(Outcome) -> &'static str,
+    /// Why a run does not count for its module; `None` if the words before say it.
+    pub flaw: fn(Flaw) -> Option<&'static str>,
     /// Good items of a selection: no pass of the module.
     pub partial: &'static str,
     /// At most six capital letters, drawn as large as the screen allows. Only letters of [`super::view::big`].

@@ -15,12 +15,13 @@ use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
+use gnc_records::standing::Standing;
 
 use super::field::InputField;
 use super::keymap::KeyContext;
 use super::lang::{Lang, Texts};
 use super::pending::{Interrupted, PendingStart};
-use super::records::{Records, RunMark};
+use super::records::Records;
 use crate::files::ChangedFile;
 
 /// The time, passed in so that every screen can be drawn again.
@@ -75,8 +76,8 @@ pub(crate) enum Over {
     Item { name: String, scroll: usize },
     /// The log of the run shown.
     Log { scroll: usize },
-    /// The module was tested today; test it again?
-    Again(Earlier),
+    /// The module has a verdict that counts; test it again?
+    Again(Standing),
     /// Files are not as they were checked; run what was checked, or read them again?
     Changed(Vec<ChangedFile>),
     /// A run of the module broke off; take it up again?
@@ -314,16 +315,8 @@ pub(crate) struct Scan {
     pub current: Option<String>,
     /// Scanned while a run was on.
     pub next: Option<String>,
-    /// The newest run of `current` today; `None` until the records were searched.
-    pub earlier: Option<Option<Earlier>>,
-}
-
-/// A run of the same module today.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Earlier {
-    pub at: DateTime<FixedOffset>,
-    /// How it came out.
-    pub mark: RunMark,
+    /// What the records say of `current` by the plan on the screen; `None` until they were searched.
+    pub standing: Option<Standing>,
 }
 
 /// How long news stays on the screen: long enough to be read twice.

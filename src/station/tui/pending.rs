@@ -4,8 +4,9 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use chrono::{DateTime, FixedOffset};
+use gnc_records::standing::Standing;
 
-use super::model::{Earlier, Over, RoundsSetting};
+use super::model::{Over, RoundsSetting};
 use crate::files::ChangedFile;
 
 /// A run that broke off and can be taken up again.
@@ -27,13 +28,13 @@ pub(crate) enum Resumable {
 }
 
 /// What must be known before a run begins.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Prepared {
     pub serial_number: String,
     /// Files of plan and bench that are not as they were checked.
     pub changed: Vec<ChangedFile>,
-    /// The newest run of the module today.
-    pub earlier: Option<Earlier>,
+    /// What the records say of the module by this plan; `None` if they cannot be read.
+    pub standing: Option<Standing>,
     pub resume: Option<Resumable>,
 }
 

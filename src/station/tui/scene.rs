@@ -147,7 +147,7 @@ impl Scene {
         self.key(Key::Enter);
         self.key(Key::F(5));
         let serial = serial_number.to_owned();
-        let prepared = Prepared { serial_number: serial, changed: Vec::new(), earlier: None, resume: None };
+        let prepared = Prepared { serial_number: serial, changed: Vec::new(), standing: None, resume: None };
         self.tell(Msg::Prepared(Box::new(prepared)));
         self.run_began = self.now.since_start;
         self.seq = 0;

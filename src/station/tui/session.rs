@@ -218,8 +218,11 @@ impl ScreenSession {
     fn other(&mut self, command: Effect) {
         match command {
             Effect::LookUp(serial_number) => {
-                let records = self.records();
-                self.aside(move || archive::look_up(&records, serial_number));
+                let (held, records) = (self.held.clone(), self.records());
+                self.aside_if(move || {
+                    let standing = archive::standing(&held, &records, &serial_number);
+                    standing.map(|standing| Msg::Standing { serial_number, standing })
+                });
             }
             Effect::Prepare { serial_number, selection, resume } => {
                 let look = prepare::Look { held: self.held.clone(), records: self.records(), serial_number, selection };
@@ -304,8 +307,13 @@ impl ScreenSession {
 
     /// Works on files on another thread, beside the run.
     fn aside(&self, work: impl FnOnce() -> Msg + Send + 'static) {
+        self.aside_if(|| Some(work()));
+    }
+
+    /// The same for work that may have nothing to say.
+    fn aside_if(&self, work: impl FnOnce() -> Option<Msg> + Send + 'static) {
         let screen = self.screen.clone();
-        tokio::task::spawn_blocking(move || screen.blocking_send(work()));
+        tokio::task::spawn_blocking(move || work().map(|msg| screen.blocking_send(msg)));
     }
 
     /// Sends a message to the screen without waiting, since the screen may be far behind.

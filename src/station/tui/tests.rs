@@ -6,17 +6,19 @@ mod truth;
 
 use std::time::Duration;
 
+use chrono::{DateTime, FixedOffset};
 use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{AttemptError, BoardBreach, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::verdict::Verdict;
 use gnc_records::shift::{ModuleOfShift, Shift};
+use gnc_records::standing::{Flaw, PastRun, Standing};
 use gnc_rig::{Along, Orientation};
 
 use super::decode::Key;
 use super::lang::Lang;
-use super::model::{Earlier, Glyphs, Loaded, RoundsSetting};
+use super::model::{Glyphs, Loaded, RoundsSetting};
 use super::pending::Prepared;
 use super::records::{Day, RunLine, RunMark, Runs};
 use super::scene::{ITEMS, Scene, measured};
@@ -101,6 +103,24 @@ fn line(serial_number: &str, minute: u32, mark: RunMark) -> RunLine {
     }
 }
 
+/// A module that failed the functional plan on the bench of the scene, which is simulated.
+fn has_failed(at: DateTime<FixedOffset>) -> Standing {
+    let counts = PastRun {
+        at: Some(at),
+        plan: "functional".into(),
+        verdict: Some(Verdict::Module(Outcome::Failed)),
+        items: None,
+        simulated: true,
+        flaws: Vec::new(),
+    };
+    Standing { plan: "functional".into(), counts: Some(counts), beside: None }
+}
+
+/// A module without any run.
+fn never() -> Standing {
+    Standing { plan: "functional".into(), counts: None, beside: None }
+}
+
 fn records(scene: &mut Scene) {
     scene.key(Key::F(9));
     scene.key(Key::F(9));
@@ -164,8 +184,7 @@ fn idle() {
         scene.types("DEMO-1");
         scene.key(Key::Enter);
         let at = chrono::DateTime::parse_from_rfc3339("2026-11-22T09:12:00+08:00").expect("a time");
-        let run = Some(Earlier { at, mark: RunMark::Ended(Verdict::Module(Outcome::Failed)) });
-        scene.tell(Msg::Earlier { serial_number: "DEMO-1".into(), run });
+        scene.tell(Msg::Standing { serial_number: "DEMO-1".into(), standing: Ok(has_failed(at)) });
     });
 }
 
@@ -413,9 +432,10 @@ fn look() -> Effect {
 }
 
 /// The result of this check if no file was changed and no run broke off.
-fn found(earlier: Option<Earlier>) -> Msg {
+fn found(standing: Option<Standing>) -> Msg {
     let (changed, resume) = (Vec::new(), None);
-    Msg::Prepared(Box::new(Prepared { serial_number: "DEMO-1".into(), changed, earlier, resume }))
+    let standing = standing.or_else(|| Some(never()));
+    Msg::Prepared(Box::new(Prepared { serial_number: "DEMO-1".into(), changed, standing, resume }))
 }
 
 /// A module that was tested today is started only after a question; what failed is repeated without one.
@@ -424,7 +444,7 @@ fn a_second_test_is_asked_for() {
     let mut scene = scene(Lang::En);
     fail(&mut scene);
     let at = chrono::DateTime::parse_from_rfc3339("2026-11-22T14:30:00+08:00").expect("a time");
-    let earlier = || found(Some(Earlier { at, mark: RunMark::Ended(Verdict::Module(Outcome::Failed)) }));
+    let earlier = || found(Some(has_failed(at)));
     assert_eq!(scene.key(Key::F(5)), Some(look()));
     assert_eq!(scene.tell(earlier()), None);
     assert!(scene.text().contains("Test it again?"), "{}", scene.text());
@@ -432,6 +452,61 @@ fn a_second_test_is_asked_for() {
     scene.key(Key::F(5));
     scene.tell(earlier());
     assert!(matches!(scene.key(Key::Enter), Some(Effect::Start(start)) if start.selection.is_none()));
+}
+
+/// What does not count for the module is shown as what it is, and does not ask.
+#[test]
+fn what_does_not_count_is_shown_and_does_not_ask() {
+    let at = chrono::DateTime::parse_from_rfc3339("2026-11-21T14:30:00+08:00").expect("a time");
+    let beside = |plan: &str, items: Option<Vec<String>>, flaws: Vec<Flaw>| {
+        let verdict = Some(Verdict::new(Outcome::Passed, items.is_some()));
+        let run = PastRun { at: Some(at), plan: plan.into(), verdict, items, simulated: false, flaws };
+        Standing { plan: "functional".into(), counts: None, beside: Some(run) }
+    };
+    let identity = || Some(vec!["identity".to_owned()]);
+    let cases = [
+        (beside("functional", identity(), vec![Flaw::Selection]), "only identity passed 2026-11-21 14:30"),
+        (beside("incoming", None, vec![Flaw::OtherPlan]), "incoming passed 2026-11-21 14:30; functional never"),
+        (beside("functional", None, vec![Flaw::NotClosed]), "functional passed 2026-11-21 14:30: record not closed"),
+        (
+            beside("functional", None, vec![Flaw::NotInChain, Flaw::Simulated, Flaw::Rejudged]),
+            "functional passed 2026-11-21 14:30: not in the chain, simulated, re-judged by other limits",
+        ),
+        (never(), "never tested"),
+    ];
+    for (standing, words) in cases {
+        let mut scene = Scene::new(Lang::En, 80, 24).expect("memory");
+        scene.types("DEMO-1");
+        assert_eq!(scene.key(Key::Enter), Some(Effect::LookUp("DEMO-1".into())));
+        scene.tell(Msg::Standing { serial_number: "DEMO-1".into(), standing: Ok(standing.clone()) });
+        let shown: String = scene.text().split_whitespace().collect::<Vec<_>>().join(" ");
+        for word in words.split(' ') {
+            assert!(shown.contains(word), "{word} of {words}: {shown}");
+        }
+        scene.key(Key::F(5));
+        let command = scene.tell(found(Some(standing)));
+        assert!(matches!(command, Some(Effect::Start(_))), "{words}: {command:?}");
+    }
+}
+
+/// Another plan asks the records again: the standing is by the plan on the screen.
+#[test]
+fn the_standing_is_by_the_plan_on_the_screen() {
+    let mut scene = scene(Lang::En);
+    let at = chrono::DateTime::parse_from_rfc3339("2026-11-21T14:30:00+08:00").expect("a time");
+    let Loaded::Ready(plan) = &scene.model.plan else { panic!("no plan") };
+    let plan = plan.clone();
+    scene.types("DEMO-1");
+    scene.key(Key::Enter);
+    scene.tell(Msg::Standing { serial_number: "DEMO-1".into(), standing: Ok(has_failed(at)) });
+    let asked = scene.tell(Msg::Plan { path: "incoming.toml".into(), plan: Loaded::Ready(plan) });
+    assert_eq!(asked, Some(Effect::LookUp("DEMO-1".into())));
+    assert_eq!(scene.model.scan.standing, None);
+    // The answer of another module comes too late.
+    scene.tell(Msg::Standing { serial_number: "DEMO-2".into(), standing: Ok(has_failed(at)) });
+    assert_eq!(scene.model.scan.standing, None);
+    scene.tell(Msg::Standing { serial_number: "DEMO-1".into(), standing: Err("cannot read records".into()) });
+    assert!(scene.text().contains("cannot read records"), "{}", scene.text());
 }
 
 #[test]

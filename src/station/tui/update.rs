@@ -11,12 +11,11 @@ use gnc_board::Readings;
 use gnc_executive::event::Event;
 use gnc_executive::state::RunState;
 use gnc_records::shift::Shift;
+use gnc_records::standing::Standing;
 
 use super::decode::Key;
 use super::lang::{Lang, Texts, fill};
-use super::model::{
-    BenchView, Earlier, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage,
-};
+use super::model::{BenchView, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage};
 use super::pending::Prepared;
 use super::records::{Check, Checked, Day, OpenRun, RunMark, Runs, Unopened};
 use super::setup_form::Choices;
@@ -44,8 +43,8 @@ pub(crate) enum Msg {
     Plan { path: String, plan: Loaded<PlanView> },
     /// Files to choose from.
     Choices(Choices),
-    /// The newest run of a module today.
-    Earlier { serial_number: String, run: Option<Earlier> },
+    /// What the records say of a module, or why they cannot be read.
+    Standing { serial_number: String, standing: Result<Standing, String> },
     /// What must be known before the run that was asked for begins.
     Prepared(Box<Prepared>),
     /// A round begins; its record is in this folder.
@@ -150,9 +149,9 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             model.bench = bench;
             take_operator(model);
         }
-        Msg::Plan { path, plan } => take_plan(model, path, plan),
+        Msg::Plan { path, plan } => return take_plan(model, path, plan),
         Msg::Choices(choices) => model.choices = choices,
-        Msg::Earlier { serial_number, run } => run::earlier(model, &serial_number, run),
+        Msg::Standing { serial_number, standing } => run::standing(model, &serial_number, standing),
         Msg::Prepared(prepared) => return start::prepared(model, *prepared),
         Msg::RoundBegins { folder } => {
             if let Some(run) = &mut model.run {
@@ -197,7 +196,7 @@ fn take_operator(model: &mut ScreenModel) {
     model.operator = usual.name;
 }
 
-fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) {
+fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) -> Option<Effect> {
     let chosen = |name: &String| model.only.as_ref().is_none_or(|only| only.contains(name));
     let items = plan.ready().map_or(&[][..], |plan| &plan.items);
     model.ticks = items.iter().map(|item| chosen(&item.name)).collect();
@@ -212,6 +211,9 @@ fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) {
         // Another plan may capture nothing.
         model.page = ScreenPage::Tests;
     }
+    // What the records say of the module depends on the plan.
+    model.scan.standing = None;
+    model.plan.ready().and(keys::look_up(model))
 }
 
 fn take_records(model: &mut ScreenModel, msg: Msg) {
@@ -259,11 +261,6 @@ pub(crate) fn checked_words(texts: &Texts, checked: &Checked) -> (MessageWeight,
         ([], Some(unknown)) => (MessageWeight::Warning, words(texts.digests_agree, &[unknown])),
         (problems, _) => (MessageWeight::Error, format!("{}: {}", texts.not_as_written, problems.join("; "))),
     }
-}
-
-/// "14:30, passed" for the sentence on an earlier run.
-pub(crate) fn earlier_words(model: &ScreenModel, earlier: &Earlier) -> [String; 2] {
-    [earlier.at.format("%H:%M").to_string(), earlier.mark.word(model.texts).to_owned()]
 }
 
 /// Changes the language at once.

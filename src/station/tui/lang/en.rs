@@ -5,6 +5,7 @@ use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::verdict::Verdict;
+use gnc_records::standing::Flaw;
 
 use super::{KeyText, Texts};
 use crate::tui::keymap::KeyAction;
@@ -107,14 +108,17 @@ pub(super) static TEXTS: Texts = Texts {
     no_bench: "There is no bench: choose one with F2.",
     not_during_run: "Not possible while a run is on.",
     not_running_item: "This item is not running.",
-    never_tested_today: "not tested today",
-    tested_today: "tested today at {}: {}",
+    never_tested: "never tested",
+    standing_only: "only {}",
+    standing_only_items: "only {} items",
+    standing_other: "{}; {} never",
+    standing_then: "{}; then {}",
     events_lost: "The terminal was too slow and missed events; they are in the record.",
     store_error: "ERRORED: the record could not be written: {}",
     run_refused: "Not started: {}",
     aborting_item: "{} is being aborted; the run goes on.",
     again_title: "Tested already",
-    again_question: "{} was tested today at {}: {}. Test it again?",
+    again_question: "Test it again?",
     changed_title: "Changed files",
     changed_question: "You can still run the plan that was checked and shown. Or read the files again, look at them, then press F5.",
     file_changed: "{} was changed since it was checked.",
@@ -220,6 +224,7 @@ pub(super) static TEXTS: Texts = Texts {
     ask,
     key,
     outcome_word,
+    flaw: Flaw::words,
     partial: "partial",
     verdict,
     item_title: |item: ItemId| item.spec().title,

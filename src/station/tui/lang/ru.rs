@@ -4,6 +4,7 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::verdict::Verdict;
+use gnc_records::standing::Flaw;
 
 use super::ask::AskTexts;
 use super::ru_catalogue::{item_title, look_at_sentence};
@@ -108,14 +109,17 @@ pub(super) static TEXTS: Texts = Texts {
     no_bench: "Нет стенда: выберите его по F2.",
     not_during_run: "Во время прогона это невозможно.",
     not_running_item: "Эта проверка не идёт.",
-    never_tested_today: "сегодня не проверялся",
-    tested_today: "сегодня проверен в {}: {}",
+    never_tested: "ещё не проверялся",
+    standing_only: "только {}",
+    standing_only_items: "только {} пунктов",
+    standing_other: "{}; {}: не проверялся",
+    standing_then: "{}; затем {}",
     events_lost: "Терминал не успевал и пропустил события; в записи они есть.",
     store_error: "СБОЙ: запись не сохранена: {}",
     run_refused: "Не начато: {}",
     aborting_item: "{} прерывается; прогон продолжается.",
     again_title: "Уже проверен",
-    again_question: "{} сегодня проверен в {}: {}. Проверить ещё раз?",
+    again_question: "Проверить ещё раз?",
     changed_title: "Файлы изменены",
     changed_question: "Проверенный и показанный план ещё можно выполнить. Или прочитайте файлы заново, посмотрите их и нажмите F5.",
     file_changed: "{} изменён после проверки.",
@@ -221,6 +225,7 @@ pub(super) static TEXTS: Texts = Texts {
     ask,
     key,
     outcome_word,
+    flaw,
     partial: "частично",
     verdict,
     item_title,
@@ -294,6 +299,24 @@ fn key(action: KeyAction) -> KeyText {
         KeyAction::End => ("Конец", "К последней строке."),
     };
     KeyText { short, long }
+}
+
+fn flaw(flaw: Flaw) -> Option<&'static str> {
+    Some(match flaw {
+        Flaw::Missing => "запись пропала",
+        Flaw::Unreadable => "запись не читается",
+        Flaw::UnderWay => "ещё идёт",
+        Flaw::NotClosed => "запись не закрыта",
+        Flaw::Interrupted => "прерван",
+        Flaw::NotInChain => "нет в цепочке",
+        Flaw::Changed => "запись изменена",
+        Flaw::Simulated => "имитация",
+        Flaw::Rejudged => "переоценка по другим пределам",
+        Flaw::OtherVersion => "по другой версии плана",
+        Flaw::TooOld => "слишком давно",
+        Flaw::InFuture => "позже часов этого компьютера",
+        Flaw::OtherPlan | Flaw::Selection | Flaw::NoVerdict => return None,
+    })
 }
 
 fn outcome_word(outcome: Outcome) -> &'static str {

@@ -156,3 +156,57 @@ fn parts_are_filled_in_in_order() {
     assert_eq!(fill("{} and {}", &["1"]), "1 and ");
     assert_eq!(fill("nothing", &["1"]), "nothing");
 }
+
+/// The screen says of a module what `--auto` and the lists say, in English to the letter.
+#[test]
+fn the_standing_is_the_same_on_every_face() {
+    use gnc_records::standing::{PastRun, Standing};
+    let run = |plan: &str, items: Option<usize>, flaws: Vec<Flaw>| PastRun {
+        at: Some(chrono::DateTime::UNIX_EPOCH.fixed_offset()),
+        plan: plan.into(),
+        verdict: Some(Verdict::new(Outcome::Passed, items.is_some())),
+        items: items.map(|items| (0..items).map(|item| format!("item-{item}")).collect()),
+        simulated: flaws.contains(&Flaw::Simulated),
+        flaws,
+    };
+    let standing = |counts: Option<PastRun>, beside: Option<PastRun>| Standing { plan: "f".into(), counts, beside };
+    let flaws = [
+        Flaw::Missing,
+        Flaw::Unreadable,
+        Flaw::UnderWay,
+        Flaw::NotClosed,
+        Flaw::Interrupted,
+        Flaw::NotInChain,
+        Flaw::Changed,
+        Flaw::Simulated,
+        Flaw::Rejudged,
+        Flaw::OtherPlan,
+        Flaw::OtherVersion,
+        Flaw::Selection,
+        Flaw::NoVerdict,
+        Flaw::TooOld,
+        Flaw::InFuture,
+    ];
+    let mut all = vec![
+        standing(None, None),
+        standing(Some(run("f", None, Vec::new())), None),
+        standing(Some(PastRun { simulated: true, ..run("f", None, Vec::new()) }), Some(run("f", Some(3), vec![]))),
+        standing(None, Some(run("g", Some(4), vec![Flaw::OtherPlan, Flaw::Simulated]))),
+        standing(None, Some(PastRun { at: None, verdict: None, ..run("f\u{1b}", None, vec![Flaw::Unreadable]) })),
+    ];
+    all.extend(flaws.map(|flaw| standing(None, Some(run("f", None, vec![flaw])))));
+    for standing in &all {
+        assert_eq!(super::standing(Lang::En.texts(), standing), standing.to_string());
+    }
+    for lang in [Lang::Zh, Lang::Ru] {
+        for flaw in flaws {
+            let (own, english) = ((lang.texts().flaw)(flaw), flaw.words());
+            assert_eq!(own.is_some(), english.is_some(), "{lang:?} {flaw:?}");
+            assert!(own.is_none_or(|words| !words.is_ascii()), "{lang:?}: {own:?}");
+        }
+        // Every language tells them apart.
+        let told: BTreeSet<String> = all.iter().map(|standing| super::standing(lang.texts(), standing)).collect();
+        let english: BTreeSet<String> = all.iter().map(ToString::to_string).collect();
+        assert_eq!(told.len(), english.len(), "{lang:?}");
+    }
+}

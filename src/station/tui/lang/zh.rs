@@ -4,6 +4,7 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::verdict::Verdict;
+use gnc_records::standing::Flaw;
 
 use super::ask::AskTexts;
 use super::zh_catalogue::{item_title, look_at_sentence};
@@ -108,14 +109,17 @@ pub(super) static TEXTS: Texts = Texts {
     no_bench: "没有台架：请按 F2 选择。",
     not_during_run: "运行期间不可用。",
     not_running_item: "该项目没有在运行。",
-    never_tested_today: "今天未测试过",
-    tested_today: "今天 {} 已测试：{}",
+    never_tested: "从未测试过",
+    standing_only: "仅 {}",
+    standing_only_items: "仅 {} 个项目",
+    standing_other: "{}；{} 从未测试",
+    standing_then: "{}；其后 {}",
     events_lost: "终端太慢，漏显了一些事件；记录中是完整的。",
     store_error: "出错：无法写入记录：{}",
     run_refused: "未开始：{}",
     aborting_item: "正在中止 {}；运行继续。",
     again_title: "已测试过",
-    again_question: "{} 今天 {} 已测试：{}。是否再测一次？",
+    again_question: "再测试一次？",
     changed_title: "文件已更改",
     changed_question: "仍可运行已检查并显示的方案。也可重新读取文件：查看后再按 F5。",
     file_changed: "{} 在检查后被更改。",
@@ -221,6 +225,7 @@ pub(super) static TEXTS: Texts = Texts {
     ask,
     key,
     outcome_word,
+    flaw,
     partial: "仅部分",
     verdict,
     item_title,
@@ -293,6 +298,24 @@ fn key(action: KeyAction) -> KeyText {
         KeyAction::End => ("末行", "到最后一行。"),
     };
     KeyText { short, long }
+}
+
+fn flaw(flaw: Flaw) -> Option<&'static str> {
+    Some(match flaw {
+        Flaw::Missing => "记录缺失",
+        Flaw::Unreadable => "记录无法读取",
+        Flaw::UnderWay => "仍在运行",
+        Flaw::NotClosed => "记录未封存",
+        Flaw::Interrupted => "已中断",
+        Flaw::NotInChain => "不在记录链中",
+        Flaw::Changed => "记录被改动",
+        Flaw::Simulated => "模拟",
+        Flaw::Rejudged => "按其他限值重新判定",
+        Flaw::OtherVersion => "方案版本不同",
+        Flaw::TooOld => "时间太久",
+        Flaw::InFuture => "晚于本机时钟",
+        Flaw::OtherPlan | Flaw::Selection | Flaw::NoVerdict => return None,
+    })
 }
 
 fn outcome_word(outcome: Outcome) -> &'static str {

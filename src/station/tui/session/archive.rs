@@ -6,10 +6,12 @@ use chrono::{DateTime, FixedOffset, Local, NaiveDateTime};
 use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
+use gnc_records::standing::Standing;
 use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::with_causes;
 
-use crate::tui::model::Earlier;
+use super::files::Held;
+use crate::setup;
 use crate::tui::records::{Checked, Day, MAX_RUNS, RunLine, RunMark, Runs, Unopened};
 use crate::tui::update::Msg;
 
@@ -17,18 +19,11 @@ use crate::tui::update::Msg;
 /// unknown.
 const MAX_LOOKED_AT: usize = 100;
 
-/// Finds the newest run of a module today, for the screen.
-pub(super) fn look_up(records: &Path, serial_number: String) -> Msg {
-    let run = earlier(records, &serial_number);
-    Msg::Earlier { serial_number, run }
-}
-
-/// The newest run of a module today.
-pub(super) fn earlier(records: &Path, serial_number: &str) -> Option<Earlier> {
-    let today = Local::now().format("%Y-%m-%d").to_string();
-    let runs = reader::of_module(records, &today, serial_number);
-    let newest = line(runs.into_iter().next_back()?);
-    Some(Earlier { at: newest.at?, mark: newest.mark })
+/// What the records say of a module by the plan on the screen; `None` while no plan or no bench is held.
+pub(super) fn standing(held: &Held, records: &Path, serial_number: &str) -> Option<Result<Standing, String>> {
+    let (plan, bench) = (&held.plan.as_ref()?.plan, held.bench.as_ref()?);
+    let standing = setup::standing(records, serial_number, plan, bench.bench.kind);
+    Some(standing.map_err(|error| with_causes(&error)))
 }
 
 /// Days with records, newest first.

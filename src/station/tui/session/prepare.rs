@@ -1,5 +1,5 @@
-//! What must be known before a run begins: whether the files are as they were checked, whether the module was tested
-//! today, and whether one of its runs broke off and can be taken up again.
+//! What must be known before a run begins: whether the files are as they were checked, whether the module has a
+//! verdict that counts, and whether one of its runs broke off and can be taken up again.
 
 use std::path::PathBuf;
 
@@ -29,12 +29,12 @@ impl Look {
     /// Looks at files and records. `resume` is the run that the command line wants to take up.
     pub(super) fn prepare(self, resume: Option<PathBuf>) -> Prepared {
         let changed = self.held.changed();
-        let earlier = archive::earlier(&self.records, &self.serial_number);
+        let standing = archive::standing(&self.held, &self.records, &self.serial_number).and_then(Result::ok);
         let resume = match resume {
             Some(folder) => Some(self.asked_for(folder)),
             None => self.offered().map(Resumable::Yes),
         };
-        Prepared { serial_number: self.serial_number, changed, earlier, resume }
+        Prepared { serial_number: self.serial_number, changed, standing, resume }
     }
 
     /// The run that the command line named, or why it cannot be taken up.

@@ -3,13 +3,12 @@
 use std::path::PathBuf;
 
 use gnc_executive::outcome::Outcome;
-use gnc_executive::verdict::Verdict;
 
 use super::scene;
 use crate::files::ChangedFile;
 use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
-use crate::tui::model::{Earlier, Loaded, RoundsSetting};
+use crate::tui::model::{Loaded, RoundsSetting};
 use crate::tui::pending::{Interrupted, Prepared, Resumable};
 use crate::tui::records::{Checked, RunMark, Runs, Unopened};
 use crate::tui::scene::Scene;
@@ -44,7 +43,12 @@ fn start(scene: &mut Scene, changed: Vec<ChangedFile>, resume: Option<Resumable>
     scene.key(Key::Enter);
     let asked = scene.key(Key::F(5));
     assert!(matches!(asked, Some(Effect::Prepare { .. })), "{asked:?}");
-    scene.tell(Msg::Prepared(Box::new(Prepared { serial_number: "DEMO-1".into(), changed, earlier: None, resume })))
+    scene.tell(Msg::Prepared(Box::new(Prepared {
+        serial_number: "DEMO-1".into(),
+        changed,
+        standing: Some(super::never()),
+        resume,
+    })))
 }
 
 #[track_caller]
@@ -78,8 +82,8 @@ fn changed_files_are_asked_about() {
     assert_eq!(start(&mut scene, changed(), None), None);
     // A second press of the key answers nothing, and there is still one question.
     assert_eq!(scene.key(Key::F(5)), None);
-    let (serial_number, earlier, resume) = ("DEMO-1".into(), None, None);
-    let again = Prepared { serial_number, changed: changed(), earlier, resume };
+    let (serial_number, standing, resume) = ("DEMO-1".into(), Some(super::never()), None);
+    let again = Prepared { serial_number, changed: changed(), standing, resume };
     assert_eq!(scene.tell(Msg::Prepared(Box::new(again))), None);
     assert_eq!(scene.model.over.len(), 1);
     let start_checked = started(scene.key(Key::F(6)));
@@ -131,7 +135,7 @@ fn the_run_of_the_command_line_is_not_forgotten() {
     assert_eq!(scene.key(Key::F(5)), Some(asked.clone()));
     let refused = || {
         let (serial_number, resume) = ("DEMO-1".into(), unlike());
-        Msg::Prepared(Box::new(Prepared { serial_number, changed: Vec::new(), earlier: None, resume }))
+        Msg::Prepared(Box::new(Prepared { serial_number, changed: Vec::new(), standing: Some(super::never()), resume }))
     };
     assert_eq!(scene.tell(refused()), None);
     assert!(scene.text().contains("had the serial number DEMO-2"), "{}", scene.text());
@@ -164,9 +168,9 @@ fn another_plan_ends_what_waits() {
     scene.key(Key::F(2));
     scene.types("x");
     assert!(matches!(scene.key(Key::Enter), Some(Effect::Choose { .. })));
-    let earlier = Some(Earlier { at: at(), mark: RunMark::Ended(Verdict::Module(Outcome::Passed)) });
+    let standing = Some(super::has_failed(at()));
     let (serial_number, changed, resume) = ("DEMO-1".into(), Vec::new(), broke_off());
-    let prepared = Prepared { serial_number, changed, earlier, resume };
+    let prepared = Prepared { serial_number, changed, standing, resume };
     assert_eq!(scene.tell(Msg::Prepared(Box::new(prepared))), None);
     assert!(scene.model.over.is_empty() && scene.model.run.is_none());
 }
@@ -195,7 +199,8 @@ fn a_verdict_goes_with_its_plan() {
     scene.passes(&["identity"]);
     scene.run_ends(Outcome::Passed);
     assert!(scene.model.run.is_some());
-    let prepared = Prepared { serial_number: "DEMO-1".into(), changed: changed(), earlier: None, resume: None };
+    let prepared =
+        Prepared { serial_number: "DEMO-1".into(), changed: changed(), standing: Some(super::never()), resume: None };
     scene.key(Key::F(5));
     scene.tell(Msg::Prepared(Box::new(prepared)));
     assert_eq!(scene.key(Key::Enter), Some(choose()));

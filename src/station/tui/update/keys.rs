@@ -91,7 +91,7 @@ fn take_number(model: &mut ScreenModel, number: String) {
     }
     model.scan.current = Some(number);
     model.scan.next = None;
-    model.scan.earlier = None;
+    model.scan.standing = None;
     model.pending = None;
     // The verdict on the screen belongs to another module.
     model.run = None;
@@ -101,8 +101,8 @@ fn take_number(model: &mut ScreenModel, number: String) {
     model.say(MessageWeight::Info, words(texts.scanned, &[&shown]));
 }
 
-fn look_up(model: &ScreenModel) -> Option<Effect> {
-    let number = model.scan.current.clone().filter(|_| !model.is_running() && model.scan.earlier.is_none());
+pub(super) fn look_up(model: &ScreenModel) -> Option<Effect> {
+    let number = model.scan.current.clone().filter(|_| !model.is_running() && model.scan.standing.is_none());
     number.map(Effect::LookUp)
 }
 

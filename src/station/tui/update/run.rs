@@ -5,9 +5,10 @@ use std::path::Path;
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::{Event, EventKind};
 use gnc_executive::state::RunState;
+use gnc_records::standing::Standing;
 
 use super::{Effect, words};
-use crate::tui::model::{Earlier, Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
+use crate::tui::model::{Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
 
 /// Folds an event as every other observer does.
 pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
@@ -60,10 +61,14 @@ pub(super) fn asked(model: &mut ScreenModel, item: String, ask: Ask) {
     }
 }
 
-/// Takes what is known of earlier runs of the module.
-pub(super) fn earlier(model: &mut ScreenModel, serial_number: &str, run: Option<Earlier>) {
-    if model.scan.current.as_deref() == Some(serial_number) {
-        model.scan.earlier = Some(run);
+/// Takes what the records say of the module.
+pub(super) fn standing(model: &mut ScreenModel, serial_number: &str, standing: Result<Standing, String>) {
+    if model.scan.current.as_deref() != Some(serial_number) {
+        return;
+    }
+    match standing {
+        Ok(standing) => model.scan.standing = Some(standing),
+        Err(why) => model.say(MessageWeight::Error, why),
     }
 }
 

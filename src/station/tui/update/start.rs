@@ -1,7 +1,8 @@
 //! From a key to a run: the checks and the questions before the run begins.
 
-use super::{Effect, StartRequest, earlier_words, words};
+use super::{Effect, StartRequest};
 use crate::tui::keymap::KeyAction;
+use crate::tui::lang;
 use crate::tui::live::History;
 use crate::tui::model::{Loaded, MessageWeight, Over, RoundsSetting, RunView, ScreenModel};
 use crate::tui::pending::{Interrupted, PendingStart, Prepared, Resumable};
@@ -19,25 +20,25 @@ pub(super) fn ask_to_start(model: &mut ScreenModel, pending: PendingStart) -> Op
 
 /// Takes the result of the check. The screen then asks one question after the other.
 pub(super) fn prepared(model: &mut ScreenModel, prepared: Prepared) -> Option<Effect> {
-    let Prepared { serial_number, changed, earlier, resume } = prepared;
+    let Prepared { serial_number, changed, standing, resume } = prepared;
     // A second press of the key must not ask again.
     if model.scan.current.as_ref() != Some(&serial_number) || model.over.iter().any(is_question) {
         return None;
     }
-    model.scan.earlier = Some(earlier.clone());
+    model.scan.standing.clone_from(&standing);
     let pending = model.pending.as_mut()?;
     pending.questions.clear();
     if !changed.is_empty() {
         pending.questions.push_back(Over::Changed(changed));
     }
-    match (resume, earlier) {
+    match (resume, standing) {
         (Some(Resumable::Yes(run)), _) => pending.questions.push_back(Over::Interrupted(run)),
         (Some(Resumable::No { why }), _) => pending.questions.push_back(Over::NoResume { why }),
         // A repeat of failed items, or a run of one item, is not a second test of the module.
-        (None, Some(run)) if pending.selection.is_none() => {
-            pending.questions.push_back(Over::Again(run.clone()));
-            let [time, outcome] = earlier_words(model, &run);
-            model.say(MessageWeight::Warning, words(model.texts.tested_today, &[&time, &outcome]));
+        (None, Some(standing)) if pending.selection.is_none() && standing.counts.is_some() => {
+            let said = lang::standing(model.texts, &standing);
+            pending.questions.push_back(Over::Again(standing));
+            model.say(MessageWeight::Warning, said);
         }
         (None, _) => {}
     }

@@ -1,6 +1,7 @@
 //! Layers over a page: questions and the list of keys.
 
 use gnc_executive::text::duration;
+use gnc_records::standing::Standing;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
@@ -10,10 +11,9 @@ use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
 use super::{detail, picture, style, text};
 use crate::files::ChangedFile;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
-use crate::tui::lang::fill;
-use crate::tui::model::{Earlier, Glyphs, ScreenModel};
+use crate::tui::lang::{self, fill};
+use crate::tui::model::{Glyphs, ScreenModel};
 use crate::tui::pending::Interrupted;
-use crate::tui::update::earlier_words;
 
 /// Files that a question names; a plan with more is better looked at in its folder.
 const MAX_FILES: usize = 6;
@@ -55,12 +55,11 @@ fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str,
     frame.render_widget(answers(model), answer_area);
 }
 
-/// The module was tested today.
-pub(super) fn again(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, run: &Earlier) {
-    let [time, outcome] = earlier_words(model, run);
+/// The module has a verdict that counts.
+pub(super) fn again(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, standing: &Standing) {
     let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
-    let words = fill(model.texts.again_question, &[&number, &time, &outcome]);
-    question(model, frame, area, model.texts.again_title, &[words]);
+    let said = format!("{number}: {}", lang::standing(model.texts, standing));
+    question(model, frame, area, model.texts.again_title, &[said, model.texts.again_question.to_owned()]);
 }
 
 /// Files are not as they were checked.

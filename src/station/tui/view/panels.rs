@@ -13,7 +13,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph};
 
 use super::{big, frame, style, text};
-use crate::tui::lang::fill;
+use crate::tui::lang::{self, fill};
 use crate::tui::model::{Loaded, MessageWeight, Pause, RoundsSetting, RunView, ScreenModel};
 
 /// A panel with its title.
@@ -176,7 +176,7 @@ pub(super) fn times(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let Some(run) = &model.run else {
         let inner = block(texts.run).inner(area);
         frame.render_widget(block(texts.run), area);
-        let lines = idle_lines(model, usize::from(inner.width));
+        let lines = idle_lines(model, usize::from(inner.width), usize::from(inner.height));
         return frame.render_widget(Paragraph::new(lines), inner);
     };
     let block = if run.over {
@@ -216,26 +216,31 @@ pub(super) fn times(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 }
 
 /// The lines before a run: what is ready, and what is known of earlier runs.
-fn idle_lines(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
-    use crate::tui::update::earlier_words;
+///
+/// What the records say of the module matters most: where there is little room, the hint and the usual number of rounds give
+/// way to it.
+fn idle_lines(model: &ScreenModel, cells: usize, room: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
-    let mut lines = vec![Line::styled(texts.ready, style::strong()), Line::raw(text::cut(texts.no_verdict_yet, cells))];
-    match &model.scan.earlier {
-        Some(Some(earlier)) => {
-            let [time, outcome] = earlier_words(model, earlier);
-            let said = fill(texts.tested_today, &[&time, &outcome]);
-            lines.extend(
-                text::wrap(&said, cells).into_iter().map(|line| {
-                    Line::styled(line, style::weight(model.look, crate::tui::model::MessageWeight::Warning))
-                }),
-            );
+    let mut lines = vec![Line::styled(texts.ready, style::strong())];
+    match &model.scan.standing {
+        Some(standing) => {
+            let weight = if standing.is_tested() { MessageWeight::Warning } else { MessageWeight::Info };
+            let said = text::wrap(&lang::standing(texts, standing), cells).into_iter();
+            lines.extend(said.map(|line| Line::styled(line, style::weight(model.look, weight))));
         }
-        Some(None) => lines.push(Line::raw(text::cut(texts.never_tested_today, cells))),
         None => lines.push(Line::raw("")),
     }
-    lines.push(Line::raw(text::cut(&rounds_words(model, model.rounds), cells)));
-    if model.ticks.iter().any(|tick| !tick) {
+    let selection = model.ticks.iter().any(|tick| !tick);
+    let spare = room.saturating_sub(lines.len() + usize::from(selection));
+    let rounds = Line::raw(text::cut(&rounds_words(model, model.rounds), cells));
+    if spare > 0 || model.rounds != RoundsSetting::Once {
+        lines.push(rounds);
+    }
+    if selection {
         lines.push(Line::styled(text::cut(texts.selection_long, cells), style::badge(model.look)));
+    }
+    if spare > 1 {
+        lines.insert(1, Line::raw(text::cut(texts.no_verdict_yet, cells)));
     }
     lines
 }
