@@ -5,6 +5,7 @@
 //! id = "line-2"                      # required
 //! records = "records"                # folder of the records, relative to this file
 //! key = "station.key"                # optional: signs each run that is closed
+//! serial_number = "SN-[0-9]{4}"      # optional: a regular expression that the whole number of each module matches
 //!
 //! [site]                             # optional
 //! name = "hall 3"
@@ -25,6 +26,10 @@
 //!
 //! [can]                              # optional: without it items that need CAN cannot run
 //! port = "can0"                      # an interface of the kernel, or "slcan:/dev/ttyACM0"
+//!
+//! [scanner]                          # optional: a barcode reader at a serial port, beside one that types as a keyboard
+//! port = "/dev/ttyACM0"              # required
+//! rate = "9600 bit/s"
 //! ```
 
 mod imperfections;
@@ -36,12 +41,16 @@ use serde::{Deserialize, Serialize};
 pub use imperfections::BenchImperfections;
 
 use crate::quantity::{Dimension, Unit, bounded_at, quantity_at};
+use crate::serial_number::{self, SerialNumberPattern};
 
 /// Largest size of a bench file in bytes; a usual one has about 1 kB.
 pub const MAX_BENCH_BYTES: usize = 64 << 10;
 
 /// Rate of the RS-422 link if the bench file does not give one.
 pub(crate) const DEFAULT_RATE_BPS: u32 = 921_600;
+
+/// Rate of a scanner if the bench file does not give one: with which most leave the works.
+pub(crate) const DEFAULT_SCANNER_RATE_BPS: u32 = 9600;
 
 /// Largest number of characters of a name or path.
 const TEXT_CHARACTERS: usize = 1024;
@@ -55,12 +64,16 @@ pub struct BenchFile {
     pub records: Option<String>,
     /// File of the station's key as written; `None` if the station signs nothing.
     pub key: Option<String>,
+    /// What the serial number of each module must match.
+    pub serial_number: Option<SerialNumberPattern>,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
     /// How the station reaches the board; `None` on a bench that only simulates.
     pub socket: Option<TestSocket>,
     /// The CAN bus; `None` on a bench without CAN.
     pub can: Option<CanSettings>,
+    /// The scanner at a serial port, if there is one.
+    pub scanner: Option<ScannerSettings>,
 }
 
 /// Where a bench stands.
@@ -118,6 +131,15 @@ pub struct CanSettings {
     pub port: String,
 }
 
+/// A barcode reader at a serial port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ScannerSettings {
+    /// The serial port.
+    pub port: String,
+    /// Its rate.
+    pub rate_bps: u32,
+}
+
 impl BenchFile {
     /// Reads a bench file; `name` is the user's name for it.
     ///
@@ -140,8 +162,16 @@ impl BenchFile {
             let has_can = root.has("can");
             let socket = root.within("socket", |table| socket(table, has_can)).flatten();
             let can = root.within("can", can).flatten();
-            let Station { id: station_id, records, key } = station;
-            BenchFile { station_id, records, key, site, socket, can }
+            let others = [
+                socket.as_ref().and_then(|socket| match socket {
+                    TestSocket::Rs422 { port, .. } => Some(("board", port.as_str())),
+                    TestSocket::Can => None,
+                }),
+                can.as_ref().and_then(|can| Some(("CAN bus", can.port.strip_prefix("slcan:")?))),
+            ];
+            let scanner = root.within("scanner", |table| scanner(table, &others)).flatten();
+            let Station { id: station_id, records, key, serial_number } = station;
+            BenchFile { station_id, records, key, serial_number, site, socket, can, scanner }
         })
     }
 }
@@ -152,12 +182,14 @@ struct Station {
     id: String,
     records: Option<String>,
     key: Option<String>,
+    serial_number: Option<SerialNumberPattern>,
 }
 
 fn station(table: &TomlTable<'_, '_>) -> Station {
     let id = checked(table, table.required_text("id", "write id = \"line-2\" below [station]"));
     let name = |key| checked(table, table.text(key));
-    Station { id: id.unwrap_or_default(), records: name("records"), key: name("key") }
+    let serial_number = serial_number::pattern(table);
+    Station { id: id.unwrap_or_default(), records: name("records"), key: name("key"), serial_number }
 }
 
 fn site(table: &TomlTable<'_, '_>) -> BenchSite {
@@ -206,7 +238,26 @@ fn socket(table: &TomlTable<'_, '_>, has_can: bool) -> Option<TestSocket> {
     }
     let port = table.required_text("port", "write port = \"/dev/ttyUSB0\" below [socket]");
     let port = checked(table, port);
-    let rate_bps = quantity_at(table, "rate", Dimension::BitRate).map_or(DEFAULT_RATE_BPS, |(rate, span)| {
+    let rate_bps = rate_bps(table, DEFAULT_RATE_BPS);
+    Some(TestSocket::Rs422 { port: port?, rate_bps })
+}
+
+/// Reads the scanner; `others` are the ports of the bench and what is at them.
+fn scanner(table: &TomlTable<'_, '_>, others: &[Option<(&str, &str)>]) -> Option<ScannerSettings> {
+    let written = table.required_text("port", "write port = \"/dev/ttyACM0\" below [scanner]");
+    if let Some((port, span)) = written.clone()
+        && let Some((what, _)) = others.iter().flatten().find(|(_, other)| *other == port)
+    {
+        let hint = "name the port of the scanner; `gnc-station ports` lists the ports";
+        table.mistake_at(span, format!("the {what} is at {} too", quoted(port)), hint);
+    }
+    let rate_bps = rate_bps(table, DEFAULT_SCANNER_RATE_BPS);
+    checked(table, written).map(|port| ScannerSettings { port, rate_bps })
+}
+
+/// Reads the rate of a serial port.
+fn rate_bps(table: &TomlTable<'_, '_>, absent: u32) -> u32 {
+    quantity_at(table, "rate", Dimension::BitRate).map_or(absent, |(rate, span)| {
         let bps = rate.si();
         if !(1200.0..=4e6).contains(&bps) || bps.fract() != 0.0 {
             table.mistake_at(
@@ -216,8 +267,7 @@ fn socket(table: &TomlTable<'_, '_>, has_can: bool) -> Option<TestSocket> {
             );
         }
         bps as u32
-    });
-    Some(TestSocket::Rs422 { port: port?, rate_bps })
+    })
 }
 
 /// Reads a name or path; refuses an unfit one.

@@ -7,6 +7,7 @@
 //! name = "functional"                # required; small letters, digits, - _ .
 //! version = "1.0"                    # required
 //! description = "what it is for"
+//! serial_number = "SN-[0-9]{4}"      # a regular expression that the whole number of a module matches
 //! on_fail = "continue"               # or "stop": skip the rest after the first item that is not good
 //! include = ["other.toml"]           # items of other plans, run before those of this one
 //!
@@ -48,6 +49,7 @@ use crate::limit::Limit;
 use crate::measurement::{Measurement, Value};
 use crate::outcome::Outcome;
 use crate::quantity::Unit;
+use crate::serial_number::SerialNumberPattern;
 use crate::uncertainty::Decision;
 
 pub use params::{ParamError, ParamValue, Params};
@@ -77,6 +79,8 @@ pub struct Plan {
     pub description: String,
     /// What happens after an item that is not good.
     pub on_fail: OnFail,
+    /// What the serial number of a module must match.
+    pub serial_number: Option<SerialNumberPattern>,
     items: Vec<PlanItem>,
     sources: Vec<SourceText>,
 }

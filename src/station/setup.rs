@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 
 use gnc_bench::fixture::Fixture;
 use gnc_bench::service::Equipment;
-use gnc_executive::bench::{BenchFile, BenchSite, TestSocket};
+use gnc_executive::bench::{BenchFile, BenchSite, ScannerSettings, TestSocket};
 use gnc_executive::event::BenchInfo;
 use gnc_executive::job::BenchAbilities;
+use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::store::StationKey;
@@ -48,6 +49,10 @@ pub(crate) struct CheckedBench {
     pub abilities: BenchAbilities,
     /// The file that describes it, unless it is built in.
     pub text: Option<ReadFile>,
+    /// What the serial number of each module must match.
+    pub serial_number: Option<SerialNumberPattern>,
+    /// The scanner at a serial port, if there is one.
+    pub scanner: Option<ScannerSettings>,
     site: Option<BenchSite>,
     kind: Kind,
 }
@@ -100,6 +105,7 @@ impl CheckedBench {
                     abilities: BenchAbilities { operator: fixture.is_there(), ..self.abilities },
                     fixture,
                     site: self.site.clone(),
+                    serial_number: self.serial_number.clone(),
                 };
                 Ok(Setup { equipment, simulation: None })
             }
@@ -206,6 +212,8 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         abilities: abilities(&file, true),
         text: Some(text),
         kind: Kind::Real(Box::new(Lines { key: key(&file, path.parent())?, target, can })),
+        serial_number: file.serial_number,
+        scanner: file.scanner,
         site: file.site,
     })
 }

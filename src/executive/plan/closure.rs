@@ -9,6 +9,7 @@ use gnc_text::{printable, quoted};
 use super::item::{self, NAME_CHARACTERS, RawItem, check_name};
 use super::{MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, OnFail, Plan, PlanItem};
 use crate::catalogue::ParamKind;
+use crate::serial_number::{self, SerialNumberPattern};
 
 /// Bytes of a path: the limit of most systems.
 const PATH_BYTES: usize = 4096;
@@ -29,6 +30,7 @@ struct Head {
     version: String,
     description: String,
     on_fail: OnFail,
+    serial_number: Option<SerialNumberPattern>,
 }
 
 /// Reads the plan, its includes first.
@@ -50,8 +52,8 @@ pub(super) fn read(
         mistakes.add(|| Mistake::nowhere("the plan has no items", "begin each item with a line [[item]]"));
     }
     let items = link(items, &sources, unreadable, &mut mistakes);
-    let Head { name, version, description, on_fail } = head;
-    mistakes.or(Plan { name, version, description, on_fail, items, sources })
+    let Head { name, version, description, on_fail, serial_number } = head;
+    mistakes.or(Plan { name, version, description, on_fail, serial_number, items, sources })
 }
 
 impl Reader<'_> {
@@ -152,7 +154,8 @@ fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
         }
     };
     let description = root.text("description").map_or("", |(text, _)| text).to_owned();
-    Head { name: name.unwrap_or_default(), version: version.unwrap_or_default(), description, on_fail }
+    let serial_number = serial_number::pattern(root);
+    Head { name: name.unwrap_or_default(), version: version.unwrap_or_default(), description, on_fail, serial_number }
 }
 
 /// Orders the items by phase, gives each its requirements by position, and refuses doubled names.

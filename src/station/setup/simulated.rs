@@ -50,6 +50,8 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
         bench,
         abilities: BenchAbilities { rs422: args.sim_link == SimLink::Rs422, ..SIMULATED },
         text,
+        serial_number: file.serial_number,
+        scanner: file.scanner,
         site: file.site,
         kind: Kind::Simulated(Box::new(SimulatedModule { options, link: args.sim_link, interfaces })),
     })
@@ -136,6 +138,7 @@ impl SimulatedModule {
             abilities: checked.abilities,
             fixture: Fixture::Driven(Arc::new(running.control())),
             site: checked.site.clone(),
+            serial_number: checked.serial_number.clone(),
         };
         Ok(Setup { equipment, simulation: Some(running) })
     }

@@ -21,6 +21,7 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 
 use super::decode::Key;
+use super::input::Scanned;
 use super::lang::Lang;
 use super::model::{BenchView, Glyphs, Loaded, Look, Now, PlanView, Progress, ScreenModel};
 use super::pending::Prepared;
@@ -54,6 +55,7 @@ impl Scene {
             name: "good".into(),
             link: String::new(),
             records: "records".into(),
+            serial_number: None,
         };
         let plan = PlanView {
             name: "functional".into(),
@@ -62,6 +64,7 @@ impl Scene {
             items: items(),
             programs: Vec::new(),
             part: Some("GNC-POP-26".into()),
+            serial_number: None,
             expected_s: Some(4.8),
         };
         update(&mut model, Msg::Bench { path: "sim:good".into(), bench: Loaded::Ready(bench) });
@@ -114,6 +117,11 @@ impl Scene {
 
     pub(crate) fn types(&mut self, text: &str) {
         text.chars().for_each(|character| drop(self.key(Key::Char(character))));
+    }
+
+    /// Scans a code whose line end came.
+    pub(crate) fn scans(&mut self, code: &str) -> Option<Effect> {
+        self.tell(Msg::Scan(Scanned { bytes: code.into(), ended: true, ..Scanned::default() }))
     }
 
     pub(crate) fn tell(&mut self, msg: Msg) -> Option<Effect> {

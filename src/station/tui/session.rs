@@ -5,6 +5,7 @@ mod archive;
 mod files;
 mod prepare;
 mod rounds;
+mod scanner;
 
 use std::collections::VecDeque;
 use std::future::pending;
@@ -24,6 +25,7 @@ use crate::args::RunArgs;
 use crate::tui::model::Loaded;
 use files::{Held, HeldPlan, Looked};
 use rounds::{Finished, Handles};
+use scanner::ScannerPort;
 
 /// Largest number of questions that wait: one of each item that runs.
 const QUESTIONS: usize = 8;
@@ -72,6 +74,7 @@ pub(crate) struct ScreenSession {
     look: u64,
     tell_look: mpsc::Sender<(u64, Looked)>,
     looks: mpsc::Receiver<(u64, Looked)>,
+    scanner: ScannerPort,
 }
 
 /// What goes on at the board: a run, or a look at raw values.
@@ -90,7 +93,8 @@ impl ScreenSession {
         live: Live,
     ) -> Self {
         let (tell_look, looks) = mpsc::channel(LOOKS);
-        Self { args, plan, screen, commands, signals, live, held: Held::default(), look: 0, tell_look, looks }
+        let (held, scanner) = (Held::default(), ScannerPort::none());
+        Self { args, plan, screen, commands, signals, live, held, look: 0, tell_look, looks, scanner }
     }
 
     /// Serves the screen until the operator leaves. Returns the outcome of a run that the end of the program stopped.
@@ -124,6 +128,7 @@ impl ScreenSession {
                         self.take(looked);
                     }
                 }
+                scanned = self.scanner.next() => self.tell(scanned),
                 Some(question) = questions.recv() => {
                     waiting.push_back(question);
                     if waiting.len() == 1 {
@@ -233,6 +238,7 @@ impl ScreenSession {
         let msg = match looked {
             Looked::Bench { path, bench: Ok(checked) } => {
                 let bench = Loaded::Ready(files::bench_view(&path, &checked));
+                self.scanner.set(checked.scanner.as_ref());
                 self.held.bench = Some(Arc::from(checked));
                 Msg::Bench { path, bench }
             }

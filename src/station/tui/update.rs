@@ -2,6 +2,7 @@
 
 mod keys;
 mod run;
+mod scan;
 mod start;
 
 use std::path::PathBuf;
@@ -12,6 +13,7 @@ use gnc_executive::event::Event;
 use gnc_executive::state::RunState;
 
 use super::decode::Key;
+use super::input::{Input, Scanned};
 use super::lang::{Lang, Texts, fill};
 use super::model::{
     BenchView, Earlier, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage,
@@ -27,6 +29,12 @@ pub(crate) enum Msg {
     Time(Now),
     /// A key.
     Key(Key),
+    /// A scan.
+    Scan(Scanned),
+    /// The scanner at the serial port is not there.
+    ScannerLost { why: String },
+    /// It is there again.
+    ScannerBack { port: String },
     /// An event of the run.
     Event(Box<Event>),
     /// How far the items at work are.
@@ -67,6 +75,15 @@ pub(crate) enum Msg {
     WatchOver { why: Option<String> },
     /// A signal asks the program to end.
     EndAsked,
+}
+
+impl From<Input> for Msg {
+    fn from(input: Input) -> Self {
+        match input {
+            Input::Key(key) => Self::Key(key),
+            Input::Scan(scanned) => Self::Scan(scanned),
+        }
+    }
 }
 
 /// Work to be done outside of the screen.
@@ -123,6 +140,11 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
     match msg {
         Msg::Time(now) => model.now = now,
         Msg::Key(key) => return keys::key(model, key),
+        Msg::Scan(scanned) => return scan::scan(model, &scanned),
+        Msg::ScannerLost { why } => {
+            model.say(MessageWeight::Warning, words(model.texts.scanner_lost, &[&why]));
+        }
+        Msg::ScannerBack { port } => model.say(MessageWeight::Info, words(model.texts.scanner_back, &[&port])),
         Msg::Event(event) => return run::event(model, &event),
         Msg::Progress(progress) => {
             if let Some(run) = &mut model.run {
@@ -168,8 +190,8 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             }
             return match model.leaving {
                 true => Some(Effect::Leave),
-                // The operator turned to the records page while the module was being switched off.
-                false => keys::read_if_due(model),
+                // The operator turned to the records page, or scanned a number, while the module was being switched off.
+                false => keys::read_if_due(model).or_else(|| scan::look_up(model)),
             };
         }
         Msg::EndAsked => model.leaving = true,
