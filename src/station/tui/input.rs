@@ -187,7 +187,8 @@ impl InputReader {
         let mut keys = Vec::new();
         self.decoder.feed(&burst.bytes, &mut keys);
         self.decoder.flush(&mut keys);
-        if burst.in_frame {
+        // A scanner goes on with its frame, unless it is Esc alone, which does no harm.
+        if burst.in_frame && burst.bytes != [0x1b] {
             keys.retain(|key| matches!(key, Key::Char(_)));
         }
         if burst.began_at > self.recent_at + REST_OF_SCAN {
