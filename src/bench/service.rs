@@ -18,6 +18,7 @@ use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
+use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
@@ -54,6 +55,8 @@ pub struct Equipment {
     pub fixture: Fixture,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
+    /// What the serial number of each module must match on this bench.
+    pub serial_number: Option<SerialNumberPattern>,
 }
 
 /// A request for a run or for several rounds of it.
@@ -132,6 +135,16 @@ pub enum ServiceError {
     /// The bench cannot run the plan.
     #[error(transparent)]
     Unfit(#[from] Mistakes),
+    /// The serial number is none of this bench or this plan.
+    #[error("{} does not fit the pattern {pattern} of the {of}", gnc_text::quoted(serial_number))]
+    SerialNumber {
+        /// The serial number.
+        serial_number: String,
+        /// What it must match.
+        pattern: String,
+        /// "plan" or "bench".
+        of: &'static str,
+    },
     /// The earlier run cannot be taken up.
     #[error(transparent)]
     Resume(#[from] ResumeError),
@@ -164,6 +177,9 @@ impl ServiceError {
                 "run that plan on this module first; the whole plan must pass, on a bench like this one"
             }
             // Each mistake in these errors has its own hint.
+            Self::SerialNumber { .. } => {
+                "scan the module's label again; if it is right, correct serial_number of the plan or bench"
+            }
             Self::Unfit(_) | Self::Observer(_) => "",
         }
     }
@@ -234,7 +250,14 @@ struct Ready {
 
 impl Ready {
     fn open(request: &RunRequest, equipment: Equipment) -> Result<Self, ServiceError> {
-        let Equipment { station, records, key, bench, target, can, abilities, fixture, site } = equipment;
+        let Equipment { station, records, key, bench, target, can, abilities, fixture, site, serial_number } =
+            equipment;
+        for (of, pattern) in [("bench", &serial_number), ("plan", &request.plan.plan().serial_number)] {
+            if let Some(pattern) = pattern.as_ref().filter(|pattern| !pattern.fits(&request.serial_number)) {
+                let (serial_number, pattern) = (request.serial_number.clone(), pattern.to_string());
+                return Err(ServiceError::SerialNumber { serial_number, pattern, of });
+            }
+        }
         let mut plan = request.plan.plan().clone();
         if let Some(on_fail) = request.on_fail {
             plan.on_fail = on_fail;

@@ -5,6 +5,7 @@
 //! id = "line-2"                      # required
 //! records = "records"                # folder of the records, relative to this file
 //! key = "station.key"                # optional: signs each run that is closed
+//! serial_number = "SN-[0-9]{4}"      # optional: a regular expression that the whole number of each module matches
 //! plan = "plans/functional.toml"     # optional: the plan with which the screen opens, relative to this file
 //!
 //! [operator]                         # optional
@@ -38,6 +39,10 @@
 //!
 //! [can]                              # optional: without it items that need CAN cannot run
 //! port = "can0"                      # an interface of the kernel, or "slcan:/dev/ttyACM0"
+//!
+//! [scanner]                          # optional: a barcode reader at a serial port, beside one that types as a keyboard
+//! port = "/dev/ttyACM0"              # required
+//! rate = "9600 bit/s"
 //! ```
 
 mod habits;
@@ -52,12 +57,16 @@ pub use habits::{Hook, OperatorHabit, VerdictHabit};
 pub use imperfections::BenchImperfections;
 
 use crate::quantity::{Dimension, Unit, bounded_at, quantity_at};
+use crate::serial_number::{self, SerialNumberPattern};
 
 /// Largest size of a bench file in bytes; a usual one has about 1 kB.
 pub const MAX_BENCH_BYTES: usize = 64 << 10;
 
 /// Rate of the RS-422 link if the bench file does not give one.
 pub(crate) const DEFAULT_RATE_BPS: u32 = 921_600;
+
+/// Rate of a scanner if the bench file does not give one: with which most leave the works.
+pub(crate) const DEFAULT_SCANNER_RATE_BPS: u32 = 9600;
 
 /// Largest number of characters of a name or path.
 const TEXT_CHARACTERS: usize = 1024;
@@ -79,12 +88,16 @@ pub struct BenchFile {
     pub verdict: VerdictHabit,
     /// When shifts begin, in the order of the day; empty if one begins at midnight.
     pub shifts: Vec<NaiveTime>,
+    /// What the serial number of each module must match.
+    pub serial_number: Option<SerialNumberPattern>,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
     /// How the station reaches the board; `None` on a bench that only simulates.
     pub socket: Option<TestSocket>,
     /// The CAN bus; `None` on a bench without CAN.
     pub can: Option<CanSettings>,
+    /// The scanner at a serial port, if there is one.
+    pub scanner: Option<ScannerSettings>,
 }
 
 /// Where a bench stands.
@@ -142,6 +155,15 @@ pub struct CanSettings {
     pub port: String,
 }
 
+/// A barcode reader at a serial port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ScannerSettings {
+    /// The serial port.
+    pub port: String,
+    /// Its rate.
+    pub rate_bps: u32,
+}
+
 impl BenchFile {
     /// Reads a bench file; `name` is the user's name for it.
     ///
@@ -164,11 +186,32 @@ impl BenchFile {
             let has_can = root.has("can");
             let socket = root.within("socket", |table| socket(table, has_can)).flatten();
             let can = root.within("can", can).flatten();
+            let others = [
+                socket.as_ref().and_then(|socket| match socket {
+                    TestSocket::Rs422 { port, .. } => Some(("board", port.as_str())),
+                    TestSocket::Can => None,
+                }),
+                can.as_ref().and_then(|can| Some(("CAN bus", can.port.strip_prefix("slcan:")?))),
+            ];
+            let scanner = root.within("scanner", |table| scanner(table, &others)).flatten();
             let operator = root.within("operator", habits::operator).unwrap_or_default();
             let verdict = root.within("verdict", habits::verdict).unwrap_or_default();
             let shifts = root.within("shift", habits::shifts).unwrap_or_default();
-            let Station { id: station_id, records, key, plan } = station;
-            BenchFile { station_id, records, key, plan, operator, verdict, shifts, site, socket, can }
+            let Station { id: station_id, records, key, plan, serial_number } = station;
+            BenchFile {
+                station_id,
+                records,
+                key,
+                plan,
+                operator,
+                verdict,
+                shifts,
+                serial_number,
+                site,
+                socket,
+                can,
+                scanner,
+            }
         })
     }
 }
@@ -180,12 +223,20 @@ struct Station {
     records: Option<String>,
     key: Option<String>,
     plan: Option<String>,
+    serial_number: Option<SerialNumberPattern>,
 }
 
 fn station(table: &TomlTable<'_, '_>) -> Station {
     let id = checked(table, table.required_text("id", "write id = \"line-2\" below [station]"));
     let name = |key| checked(table, table.text(key));
-    Station { id: id.unwrap_or_default(), records: name("records"), key: name("key"), plan: name("plan") }
+    let serial_number = serial_number::pattern(table);
+    Station {
+        id: id.unwrap_or_default(),
+        records: name("records"),
+        key: name("key"),
+        plan: name("plan"),
+        serial_number,
+    }
 }
 
 fn site(table: &TomlTable<'_, '_>) -> BenchSite {
@@ -234,7 +285,26 @@ fn socket(table: &TomlTable<'_, '_>, has_can: bool) -> Option<TestSocket> {
     }
     let port = table.required_text("port", "write port = \"/dev/ttyUSB0\" below [socket]");
     let port = checked(table, port);
-    let rate_bps = quantity_at(table, "rate", Dimension::BitRate).map_or(DEFAULT_RATE_BPS, |(rate, span)| {
+    let rate_bps = rate_bps(table, DEFAULT_RATE_BPS);
+    Some(TestSocket::Rs422 { port: port?, rate_bps })
+}
+
+/// Reads the scanner; `others` are the ports of the bench and what is at them.
+fn scanner(table: &TomlTable<'_, '_>, others: &[Option<(&str, &str)>]) -> Option<ScannerSettings> {
+    let written = table.required_text("port", "write port = \"/dev/ttyACM0\" below [scanner]");
+    if let Some((port, span)) = written.clone()
+        && let Some((what, _)) = others.iter().flatten().find(|(_, other)| *other == port)
+    {
+        let hint = "name the port of the scanner; `gnc-station ports` lists the ports";
+        table.mistake_at(span, format!("the {what} is at {} too", quoted(port)), hint);
+    }
+    let rate_bps = rate_bps(table, DEFAULT_SCANNER_RATE_BPS);
+    checked(table, written).map(|port| ScannerSettings { port, rate_bps })
+}
+
+/// Reads the rate of a serial port.
+fn rate_bps(table: &TomlTable<'_, '_>, absent: u32) -> u32 {
+    quantity_at(table, "rate", Dimension::BitRate).map_or(absent, |(rate, span)| {
         let bps = rate.si();
         if !(1200.0..=4e6).contains(&bps) || bps.fract() != 0.0 {
             table.mistake_at(
@@ -244,8 +314,7 @@ fn socket(table: &TomlTable<'_, '_>, has_can: bool) -> Option<TestSocket> {
             );
         }
         bps as u32
-    });
-    Some(TestSocket::Rs422 { port: port?, rate_bps })
+    })
 }
 
 /// Reads a name or path; refuses an unfit one.

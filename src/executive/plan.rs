@@ -7,6 +7,7 @@
 //! name = "functional"                # required; small letters, digits, - _ .
 //! version = "1.0"                    # required
 //! description = "what it is for"
+//! serial_number = "SN-[0-9]{4}"      # a regular expression that the whole number of a module matches
 //! on_fail = "continue"               # or "stop": skip the rest after the first item that is not good
 //! include = ["other.toml"]           # items of other plans, run before those of this one
 //! requires_plan = ["incoming"]       # plans that the module must have passed before this one
@@ -55,6 +56,7 @@ use crate::limit::Limit;
 use crate::measurement::{Measurement, Value};
 use crate::outcome::Outcome;
 use crate::quantity::Unit;
+use crate::serial_number::SerialNumberPattern;
 use crate::uncertainty::Decision;
 
 pub use params::{ParamError, ParamValue, Params};
@@ -100,6 +102,8 @@ pub struct Plan {
     pub valid_days: u32,
     /// How a resumed run waits for the module's temperature.
     pub resume: ResumeRules,
+    /// What the serial number of a module must match.
+    pub serial_number: Option<SerialNumberPattern>,
     items: Vec<PlanItem>,
     sources: Vec<SourceText>,
 }

@@ -1,5 +1,6 @@
 //! RS-422 over a serial port, an USB adapter or a pseudo-terminal.
 
+mod listener;
 mod port;
 
 use std::io;
@@ -12,6 +13,7 @@ use tokio_util::bytes::Buf as _;
 use super::memory::MemoryPort;
 use crate::received::{LinkEvent, NoFrame};
 use crate::tape::Tape;
+pub use listener::{Heard, Listener};
 pub use port::try_open;
 pub(super) use port::{Port, PortEvent, PortLocation};
 

@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 use chrono::{Local, NaiveTime};
 use gnc_bench::fixture::Fixture;
 use gnc_bench::service::{CheckedPlan, Equipment};
-use gnc_executive::bench::{BenchFile, BenchSite, OperatorHabit, TestSocket};
+use gnc_executive::bench::{BenchFile, BenchSite, OperatorHabit, ScannerSettings, TestSocket};
 use gnc_executive::event::{BenchInfo, BenchKind};
 use gnc_executive::job::BenchAbilities;
+use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::standing::{self, PlanAsked, Question, Standing};
@@ -53,6 +54,10 @@ pub(crate) struct CheckedBench {
     pub text: Option<ReadFile>,
     /// What it does around its runs.
     pub habits: BenchHabits,
+    /// What the serial number of each module must match.
+    pub serial_number: Option<SerialNumberPattern>,
+    /// The scanner at a serial port, if there is one.
+    pub scanner: Option<ScannerSettings>,
     site: Option<BenchSite>,
     kind: Kind,
 }
@@ -142,6 +147,7 @@ impl CheckedBench {
                     abilities: BenchAbilities { operator: fixture.is_there(), ..self.abilities },
                     fixture,
                     site: self.site.clone(),
+                    serial_number: self.serial_number.clone(),
                 };
                 Ok(Setup { equipment, simulation: None })
             }
@@ -249,6 +255,8 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         text: Some(text),
         habits: BenchHabits::of(&file, path.parent()),
         kind: Kind::Real(Box::new(Lines { key: key(&file, path.parent())?, target, can })),
+        serial_number: file.serial_number,
+        scanner: file.scanner,
         site: file.site,
     })
 }

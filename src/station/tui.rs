@@ -5,6 +5,8 @@
 
 mod decode;
 mod field;
+mod framing;
+mod input;
 mod keymap;
 mod lang;
 mod live;

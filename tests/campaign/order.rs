@@ -64,6 +64,7 @@ pub(super) fn order(
         abilities: BenchAbilities { rs422: case.link == Link::Rs422, can: true, operator: true },
         fixture,
         site: file.site,
+        serial_number: None,
     };
     Ok(Ordered { request, equipment })
 }

@@ -2,7 +2,7 @@
 
 use gnc_tests::{Place, read_json};
 
-use crate::{ESC, F5, F9, F10, STATION, mock, open, outcomes, sim};
+use crate::{F2, F5, F7, F9, F10, STATION, mock, open, outcomes, sim};
 
 /// A spin of the magnetometer and six positions, just long enough to be seen.
 const PLAN: &str = "name = \"guided\"\nversion = \"1\"\n\
@@ -120,10 +120,10 @@ fn a_module_is_laid_down_by_hand() {
     terminal.wait_for("Lay the module with +X up and +Y to 0 degrees, clockwise from");
     let drawn = terminal.text().chars().filter(|cell| ('\u{2801}'..='\u{28ff}').contains(cell)).count();
     assert!(drawn > 30, "no module is drawn:\n{}", terminal.text());
-    terminal.types(b"\r");
+    terminal.types(F2);
     terminal.wait_for("Lay the module with -X up");
-    terminal.wait_for("Esc Not possible");
-    terminal.types(ESC);
+    terminal.wait_for("F7 Not possible");
+    terminal.types(F7);
     terminal.wait_until("the end", |screen| {
         let text = screen.contents();
         text.contains("the operator could not do this: Lay the module with -X up") && !text.contains("F8 Stop")
@@ -139,13 +139,13 @@ fn a_module_is_laid_down_by_hand() {
     terminal.wait_for("T-1: F5 resumes");
     terminal.types(F5);
     terminal.wait_for("capture the rest");
-    terminal.types(b"\r");
+    terminal.types(F2);
     terminal.wait_for("Taken over from the interrupted run: x+. Still to capture: x-,");
     terminal.wait_for("y+, y-, z+, z-. Lay the module with -X up and +Y to 0 degrees,");
-    terminal.types(b"\r");
+    terminal.types(F2);
     terminal.wait_for("Lay the module with +Y up");
     assert!(!terminal.text().contains("Taken over"), "it is said once:\n{}", terminal.text());
-    terminal.types(ESC);
+    terminal.types(F7);
     terminal.wait_until("the end", |screen| !screen.contents().contains("F8 Stop"));
     terminal.types(F10);
     let (status, restored) = terminal.end();

@@ -4,6 +4,7 @@
 
 mod calibration;
 mod day;
+mod scanner;
 mod start;
 mod terminal;
 
@@ -19,8 +20,10 @@ const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
 
 const F1: &[u8] = b"\x1bOP";
+const F2: &[u8] = b"\x1bOQ";
 const F4: &[u8] = b"\x1bOS";
 const F5: &[u8] = b"\x1b[15~";
+const F7: &[u8] = b"\x1b[18~";
 const F9: &[u8] = b"\x1b[20~";
 const F10: &[u8] = b"\x1b[21~";
 const ESC: &[u8] = b"\x1b";
@@ -79,7 +82,7 @@ fn an_operator_tests_a_module() {
     terminal.types(b"T-2\r");
     terminal.wait_for("T-2 comes next");
     assert!(terminal.text().contains("Close the lid."), "{}", terminal.text());
-    terminal.types(b"\r");
+    terminal.types(F2);
     terminal.wait_for("look at: A line reads another level than its partner drives");
     assert!(terminal.text().contains("failed"), "{}", terminal.text());
     assert!(terminal.text().contains("wrong_reads"), "{}", terminal.text());
@@ -91,15 +94,15 @@ fn an_operator_tests_a_module() {
     terminal.wait_for("tested today at");
     terminal.types(F5);
     terminal.wait_for("Test it again?");
-    terminal.types(b"\r");
+    terminal.types(F2);
     terminal.wait_for("Close the lid.");
-    terminal.types(b"\r");
+    terminal.types(F2);
     terminal.wait_for("look at: A line reads another level");
     // The row appears before the run has ended.
     terminal.wait_for("F4 Repeat");
     terminal.types(F4);
     terminal.wait_for("Close the lid.");
-    terminal.types(ESC);
+    terminal.types(F7);
     terminal.wait_for("the operator could not do this: Close the lid.");
     terminal.wait_for("SELECTION");
     terminal.types(F10);

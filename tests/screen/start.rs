@@ -8,7 +8,7 @@ use std::process::Stdio;
 use gnc_tests::{Place, read_json};
 
 use crate::terminal::Terminal;
-use crate::{ESC, F5, F10, STATION, mock, open, outcomes};
+use crate::{ESC, F2, F5, F10, STATION, mock, open, outcomes};
 
 const F6: &[u8] = b"\x1b[17~";
 
@@ -79,7 +79,7 @@ fn the_new_plan_is_shown_before_it_runs() {
     place.write("p.toml", &new);
     terminal.types(F5);
     terminal.wait_for("p.toml was changed");
-    terminal.types(b"\r");
+    terminal.types(F2);
     terminal.wait_for("short 2");
     assert!(place.runs().is_empty(), "it was not shown before");
     terminal.types(F5);
@@ -91,7 +91,7 @@ fn the_new_plan_is_shown_before_it_runs() {
     place.write("limits.toml", &LIMITS.replace("cpu", "cpo"));
     terminal.types(F5);
     terminal.wait_for("limits.toml was changed");
-    terminal.types(b"\r");
+    terminal.types(F2);
     terminal.wait_for("unknown item \"cpo\"");
     leaves(terminal);
     assert!(place.runs().is_empty());
@@ -185,7 +185,7 @@ fn a_run_that_broke_off_is_offered() {
     terminal.types(b"C-1\r");
     terminal.types(F5);
     terminal.wait_for("capture the rest");
-    terminal.types(b"\r");
+    terminal.types(F2);
     ends(&mut terminal, "passed");
     leaves(terminal);
     let runs = place.runs();

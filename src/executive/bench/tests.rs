@@ -226,3 +226,54 @@ fn mistakes_of_habits() {
        = try: write begins = ["06:00", "14:00", "22:00"]
     "#);
 }
+
+#[test]
+fn scanner_and_pattern() {
+    let text = "[station]\nid = \"a\"\nserial_number = \"SN-[0-9]{4}\"\n[scanner]\nport = \"/dev/ttyACM0\"\n";
+    let bench = BenchFile::read("bench.toml", text.into()).unwrap();
+    assert_eq!(bench.serial_number, SerialNumberPattern::new("SN-[0-9]{4}").ok());
+    assert_eq!(bench.scanner, Some(ScannerSettings { port: "/dev/ttyACM0".to_owned(), rate_bps: 9600 }));
+    let bench = BenchFile::read("bench.toml", format!("{text}rate = \"115200 bit/s\"").into()).unwrap();
+    assert_eq!(bench.scanner.map(|scanner| scanner.rate_bps), Some(115_200));
+    let text = r#"
+[station]
+id = "a"
+serial_number = "SN-[0-9"
+[socket]
+port = "/dev/ttyUSB0"
+[can]
+port = "slcan:/dev/ttyACM0"
+[scanner]
+port = "/dev/ttyUSB0"
+rate = "9600"
+baud = 9600
+"#;
+    insta::assert_snapshot!(BenchFile::read("bench.toml", text.into()).unwrap_err(), @r#"
+    bench.toml:4:17: the pattern "SN-[0-9" cannot be read: found unclosed character class
+     4 | serial_number = "SN-[0-9"
+       |                 ^^^^^^^^^
+       = try: write a regular expression, like "SN-[0-9]{4}"
+
+    bench.toml:10:8: the board is at "/dev/ttyUSB0" too
+     10 | port = "/dev/ttyUSB0"
+        |        ^^^^^^^^^^^^^^
+        = try: name the port of the scanner; `gnc-station ports` lists the ports
+
+    bench.toml:11:8: "9600" has no unit
+     11 | rate = "9600"
+        |        ^^^^^^
+        = try: a bit rate is written in bit/s, kbit/s
+
+    bench.toml:12:1: unknown key "baud"
+     12 | baud = 9600
+        | ^^^^
+        = try: the keys are port, rate
+    "#);
+    let can = "[station]\nid = \"a\"\n[can]\nport = \"slcan:/dev/ttyACM0\"\n[scanner]\nport = \"/dev/ttyACM0\"\n";
+    insta::assert_snapshot!(BenchFile::read("bench.toml", can.into()).unwrap_err(), @r#"
+    bench.toml:6:8: the CAN bus is at "/dev/ttyACM0" too
+     6 | port = "/dev/ttyACM0"
+       |        ^^^^^^^^^^^^^^
+       = try: name the port of the scanner; `gnc-station ports` lists the ports
+    "#);
+}

@@ -13,6 +13,7 @@ use super::{
     MAX_VALID_DAYS, OnFail, Plan, PlanItem,
 };
 use crate::catalogue::ParamKind;
+use crate::serial_number::{self, SerialNumberPattern};
 
 /// Bytes of a path: the limit of most systems.
 const PATH_BYTES: usize = 4096;
@@ -36,6 +37,7 @@ struct Head {
     requires_plan: Vec<String>,
     valid_days: u32,
     resume: ResumeRules,
+    serial_number: Option<SerialNumberPattern>,
 }
 
 /// Reads the plan, its includes first.
@@ -57,8 +59,19 @@ pub(super) fn read(
         mistakes.add(|| Mistake::nowhere("the plan has no items", "begin each item with a line [[item]]"));
     }
     let items = link(items, &sources, unreadable, &mut mistakes);
-    let Head { name, version, description, on_fail, requires_plan, valid_days, resume } = head;
-    mistakes.or(Plan { name, version, description, on_fail, requires_plan, valid_days, resume, items, sources })
+    let Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number } = head;
+    mistakes.or(Plan {
+        name,
+        version,
+        description,
+        on_fail,
+        requires_plan,
+        valid_days,
+        resume,
+        serial_number,
+        items,
+        sources,
+    })
 }
 
 impl Reader<'_> {
@@ -165,7 +178,8 @@ fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
     let valid_days = u32::try_from(valid_days).unwrap_or(DEFAULT_VALID_DAYS);
     let resume = resume::read(root.table("resume"));
     let version = version.unwrap_or_default();
-    Head { name, version, description, on_fail, requires_plan, valid_days, resume }
+    let serial_number = serial_number::pattern(root);
+    Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number }
 }
 
 /// Names of the plans that the module must have passed before the plan `name`.

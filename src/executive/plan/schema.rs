@@ -40,6 +40,10 @@ pub fn plan_schema() -> Value {
                     }
                 }
             },
+            "serial_number": {
+                "description": "A regular expression that the whole serial number of a module matches.",
+                "type": "string"
+            },
             "include": {
                 "description": "Paths of other plans, relative to this file. Their items run before the items of this plan.",
                 "type": "array",

@@ -156,7 +156,7 @@ impl Port {
     /// Returns `true` if the absence is still unreported.
     fn went_away(&mut self) -> io::Result<bool> {
         let State::Open { mute, .. } = &mut self.state else { return Ok(false) };
-        if matches!(&self.place, PortLocation::Device(path, _) if path.starts_with(PSEUDO_TERMINALS)) {
+        if matches!(&self.place, PortLocation::Device(path, _) if is_pseudo_terminal(path)) {
             let text = format!("{} went away, and a pseudo-terminal does not come back", self.name());
             return Err(io::Error::new(io::ErrorKind::NotConnected, text));
         }
@@ -207,6 +207,11 @@ impl fmt::Display for PortLocation {
     }
 }
 
+/// Whether this is a pseudo-terminal by its own name, which another program may get.
+pub(super) fn is_pseudo_terminal(port: &Path) -> bool {
+    port.starts_with(PSEUDO_TERMINALS)
+}
+
 /// Opens a port as a link does, and closes it again.
 ///
 /// # Errors
@@ -222,7 +227,7 @@ pub fn try_open(port: &Path, rate_baud: u32) -> Result<(), OpenError> {
 }
 
 /// Opens the port for this program alone, and checks the rate that the driver chose.
-fn open_stream(port: &Path, rate_baud: u32) -> Result<SerialStream, OpenError> {
+pub(super) fn open_stream(port: &Path, rate_baud: u32) -> Result<SerialStream, OpenError> {
     let stream = tokio_serial::new(port.to_string_lossy(), rate_baud)
         .open_native_async()
         .map_err(|source| explain(port, source))?;

@@ -51,6 +51,8 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
         abilities: BenchAbilities { rs422: args.sim_link == SimLink::Rs422, ..SIMULATED },
         text,
         habits: BenchHabits::default(),
+        serial_number: file.serial_number,
+        scanner: file.scanner,
         site: file.site,
         kind: Kind::Simulated(Box::new(SimulatedModule { options, link: args.sim_link, interfaces })),
     })
@@ -137,6 +139,7 @@ impl SimulatedModule {
             abilities: checked.abilities,
             fixture: Fixture::Driven(Arc::new(running.control())),
             site: checked.site.clone(),
+            serial_number: checked.serial_number.clone(),
         };
         Ok(Setup { equipment, simulation: Some(running) })
     }

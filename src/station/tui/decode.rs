@@ -72,6 +72,18 @@ impl KeyDecoder {
         !self.pending.is_empty() && !self.pasting
     }
 
+    /// Whether text is being pasted.
+    #[must_use]
+    pub(crate) fn is_pasting(&self) -> bool {
+        self.pasting
+    }
+
+    /// Ends pasted text whose end never came.
+    pub(crate) fn end_paste(&mut self) {
+        self.pasting = false;
+        self.pending.clear();
+    }
+
     /// Ends the wait, since no more bytes arrive: a lone escape is the key Esc, and any other incomplete key is
     /// dropped.
     pub(crate) fn flush(&mut self, keys: &mut Vec<Key>) {
@@ -166,6 +178,19 @@ impl KeyDecoder {
         };
         self.pending.clear();
         found
+    }
+}
+
+/// The length of the escape sequence at the head of these bytes, if all of it is there.
+pub(crate) fn whole_sequence(bytes: &[u8]) -> Option<usize> {
+    match bytes {
+        [0x1b, b'O', _, ..] => Some(3),
+        [0x1b, b'[', b'[', _, ..] => Some(4),
+        [0x1b, b'[', rest @ ..] => {
+            let last = rest.iter().take(MAX_SEQUENCE).position(|byte| !(0x20..=0x3f).contains(byte))?;
+            (0x40..=0x7e).contains(&rest[last]).then_some(last + 3)
+        }
+        _ => None,
     }
 }
 

@@ -203,17 +203,16 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(3), KeyAction::Verify, &[KeyContext::Records, KeyContext::Record]),
     shown(Key::F(4), KeyAction::Filter, &[KeyContext::Records]),
     shown(Key::F(5), KeyAction::Reload, &[KeyContext::Records]),
-    shown(Key::Enter, KeyAction::Yes, &[KeyContext::Prompt, KeyContext::Confirm]),
-    // Not F5: a second press of F5 must not answer the question.
-    shown(Key::Enter, KeyAction::LoadNew, &[KeyContext::Changed]),
+    // A question is answered by a function key, since scanners send line ends. Not by F5: a second press of F5 must not
+    // answer it.
+    shown(Key::F(2), KeyAction::Yes, &[KeyContext::Prompt, KeyContext::Confirm]),
+    shown(Key::F(2), KeyAction::LoadNew, &[KeyContext::Changed]),
     shown(Key::F(6), KeyAction::RunChecked, &[KeyContext::Changed]),
-    shown(Key::Enter, KeyAction::TakeUp, &[KeyContext::Interrupted]),
+    shown(Key::F(2), KeyAction::TakeUp, &[KeyContext::Interrupted]),
     shown(Key::F(6), KeyAction::FromStart, &[KeyContext::Interrupted]),
-    shown(
-        Key::Esc,
-        KeyAction::No,
-        &[KeyContext::Prompt, KeyContext::Confirm, KeyContext::Changed, KeyContext::Interrupted],
-    ),
+    // This ends the item that asks, as F7 does elsewhere. Esc does nothing here.
+    shown(Key::F(7), KeyAction::No, &[KeyContext::Prompt]),
+    shown(Key::Esc, KeyAction::No, &[KeyContext::Confirm, KeyContext::Changed, KeyContext::Interrupted]),
     shown(Key::Enter, KeyAction::Open, &[KeyContext::Records, KeyContext::Record]),
     silent(Key::Enter, KeyAction::Open, &[KeyContext::Idle, KeyContext::Running]),
     shown(Key::Enter, KeyAction::Take, &[KeyContext::Setup]),
@@ -286,6 +285,18 @@ mod tests {
         for binding in BINDINGS {
             let letter = matches!(binding.key, Key::Char(c) if c != ' ') || matches!(binding.key, Key::Pasted(_));
             assert!(!letter, "{binding:?}");
+        }
+    }
+
+    /// A scanner sends line ends, Tab and control characters, so none of them answers a question of the station.
+    #[test]
+    fn no_scanner_answers_a_question() {
+        for place in [KeyContext::Prompt, KeyContext::Confirm, KeyContext::Changed, KeyContext::Interrupted] {
+            let does_something = |action| action != KeyAction::No || place == KeyContext::Prompt;
+            for binding in bindings(place).filter(|binding| does_something(binding.action)) {
+                let stop = binding.key == Key::Ctrl('c') && binding.action == KeyAction::Stop;
+                assert!(matches!(binding.key, Key::F(_)) || stop, "{place:?}: {binding:?}");
+            }
         }
     }
 

@@ -12,6 +12,7 @@ use gnc_bench::guidance::Guidance;
 use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Phase, PlanItem};
+use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
@@ -89,7 +90,7 @@ pub(crate) enum Over {
 }
 
 /// The bench as far as the screen shows it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct BenchView {
     /// Which station.
     pub station: String,
@@ -107,6 +108,8 @@ pub(crate) struct BenchView {
     pub operator_required: bool,
     /// The terminal rings at each verdict and each question.
     pub bell: bool,
+    /// What serial numbers must match on this bench.
+    pub serial_number: Option<SerialNumberPattern>,
 }
 
 /// The operator, if the command line names none.
@@ -149,6 +152,8 @@ pub(crate) struct PlanView {
     pub programs: Vec<ProgramView>,
     /// The part that the plan is for, if the plan names one.
     pub part: Option<String>,
+    /// What serial numbers must match for this plan.
+    pub serial_number: Option<SerialNumberPattern>,
     /// Seconds that the last whole run took.
     pub expected_s: Option<f64>,
 }
@@ -312,6 +317,10 @@ impl RunView {
 #[derive(Debug, Default)]
 pub(crate) struct Scan {
     pub typed: InputField,
+    /// `typed` is a scan without a line end.
+    pub typed_by_scanner: bool,
+    /// The scans of this scanner have a line end, so one without was cut off.
+    pub has_ends: bool,
     pub current: Option<String>,
     /// Scanned while a run was on.
     pub next: Option<String>,

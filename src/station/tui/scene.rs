@@ -21,6 +21,7 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 
 use super::decode::Key;
+use super::input::Scanned;
 use super::lang::Lang;
 use super::model::{BenchView, Glyphs, Loaded, Look, Now, PlanView, Progress, ScreenModel};
 use super::pending::Prepared;
@@ -59,6 +60,7 @@ impl Scene {
             operator: None,
             operator_required: false,
             bell: false,
+            serial_number: None,
         };
         let plan = PlanView {
             name: "functional".into(),
@@ -67,6 +69,7 @@ impl Scene {
             items: items(),
             programs: Vec::new(),
             part: Some("GNC-POP-26".into()),
+            serial_number: None,
             expected_s: Some(4.8),
         };
         update(&mut model, Msg::Bench { path: "sim:good".into(), bench: Loaded::Ready(bench) });
@@ -119,6 +122,12 @@ impl Scene {
 
     pub(crate) fn types(&mut self, text: &str) {
         text.chars().for_each(|character| drop(self.key(Key::Char(character))));
+    }
+
+    /// Scans a code whose line end came.
+    #[cfg(test)]
+    pub(crate) fn scans(&mut self, code: &str) -> Option<Effect> {
+        self.tell(Msg::Scan(Scanned { bytes: code.into(), ended: true, ..Scanned::default() }))
     }
 
     pub(crate) fn tell(&mut self, msg: Msg) -> Option<Effect> {

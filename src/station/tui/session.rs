@@ -5,6 +5,7 @@ mod archive;
 mod files;
 mod prepare;
 mod rounds;
+mod scanner;
 mod told;
 
 use std::collections::VecDeque;
@@ -26,6 +27,7 @@ use crate::args::RunArgs;
 use crate::tui::model::Loaded;
 use files::{Held, HeldPlan, Looked};
 use rounds::{Finished, Handles};
+use scanner::ScannerPort;
 use told::{Counter, Told};
 
 /// Largest number of questions that wait: one of each item that runs.
@@ -82,6 +84,7 @@ pub(crate) struct ScreenSession {
     look: u64,
     tell_look: mpsc::Sender<(u64, Looked)>,
     looks: mpsc::Receiver<(u64, Looked)>,
+    scanner: ScannerPort,
 }
 
 /// What goes on at the board: a run, or a look at raw values.
@@ -114,6 +117,7 @@ impl ScreenSession {
             look: 0,
             tell_look,
             looks,
+            scanner: ScannerPort::none(),
         }
     }
 
@@ -157,6 +161,7 @@ impl ScreenSession {
                         self.take(looked);
                     }
                 }
+                scanned = self.scanner.next() => self.tell(scanned),
                 Some(question) = questions.recv() => {
                     waiting.push_back(question);
                     if waiting.len() == 1 {
@@ -272,6 +277,7 @@ impl ScreenSession {
             Looked::Bench { path, bench: Ok(looked) } => {
                 let (checked, view) = *looked;
                 let bench = Loaded::Ready(view);
+                self.scanner.set(checked.scanner.as_ref());
                 self.told.take(&checked);
                 self.counter = Some(Counter::of(&checked));
                 self.count_shift();

@@ -97,16 +97,21 @@ impl Form {
         }
     }
 
+    /// The text of the line under the cursor, if it has one.
+    pub(crate) fn field_here(&mut self) -> Option<&mut InputField> {
+        match self.here() {
+            FormLine::Plan => Some(&mut self.plan),
+            FormLine::Bench => Some(&mut self.bench),
+            FormLine::Operator => Some(&mut self.operator),
+            FormLine::Rounds if self.rounds != RoundsKind::Once => Some(&mut self.number),
+            FormLine::Rounds | FormLine::AfterFailure | FormLine::Language => None,
+        }
+    }
+
     /// Adds typed text to the line under the cursor.
     pub(crate) fn typed(&mut self, key: Key) {
         let number = self.here() == FormLine::Rounds;
-        let field = match self.here() {
-            FormLine::Plan => &mut self.plan,
-            FormLine::Bench => &mut self.bench,
-            FormLine::Operator => &mut self.operator,
-            FormLine::Rounds if self.rounds != RoundsKind::Once => &mut self.number,
-            FormLine::Rounds | FormLine::AfterFailure | FormLine::Language => return,
-        };
+        let Some(field) = self.field_here() else { return };
         // A number has only digits and stays short.
         let fits =
             |character: char, field: &InputField| !number || (character.is_ascii_digit() && field.characters() < 5);

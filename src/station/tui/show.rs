@@ -11,7 +11,7 @@ use ratatui::backend::Backend;
 use ratatui::layout::{Position, Rect};
 use tokio::sync::{mpsc, watch};
 
-use super::decode::Key;
+use super::input::Input;
 use super::model::{Now, Progress, ScreenModel};
 use super::update::{Effect, Msg, update};
 use super::view;
@@ -27,7 +27,7 @@ const BATCH: usize = 4096;
 #[derive(Debug)]
 pub(crate) struct Inbox {
     pub messages: mpsc::Receiver<Msg>,
-    pub keys: mpsc::Receiver<Vec<Key>>,
+    pub keys: mpsc::Receiver<Vec<Input>>,
     /// The terminal has another size, or has to be drawn anew.
     pub resized: watch::Receiver<u64>,
     pub doing: watch::Receiver<Vec<Doing>>,
@@ -79,7 +79,7 @@ pub(crate) async fn show<B: Backend>(
                 }
             }
             keys = inbox.keys.recv() => match keys {
-                Some(keys) => arrived.extend(keys.into_iter().map(Msg::Key)),
+                Some(keys) => arrived.extend(keys.into_iter().map(Msg::from)),
                 None => return Ok(LoopEnd::TerminalLost),
             },
             resized = inbox.resized.changed() => {

@@ -5,6 +5,7 @@ use std::io::{self, BufWriter, Read as _, Write as _};
 use std::os::fd::AsFd as _;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use ratatui::Terminal;
@@ -13,7 +14,7 @@ use ratatui::crossterm::terminal::{disable_raw_mode, enable_raw_mode};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 
-use super::decode::{Key, KeyDecoder};
+use super::input::{Input, InputReader};
 
 /// Switches to the other screen, hides the cursor, and asks for marks around pasted text.
 const TAKE: &[u8] = b"\x1b[?1049h\x1b[?25l\x1b[?2004h";
@@ -23,8 +24,6 @@ const GIVE_BACK: &[u8] = b"\x1b[?2004l\x1b[0m\x1b[?25h\x1b[?1049l";
 const FRAME_BYTES: usize = 64 << 10;
 /// Bytes read at once.
 const READ_BYTES: usize = 1024;
-/// How long the rest of an escape sequence may take on a slow line, before a lone escape is the key.
-const REST_OF_KEY_MS: u16 = 50;
 
 /// Has the terminal ring, or flash if its owner set it so.
 pub(crate) fn ring() {
@@ -90,26 +89,25 @@ impl Guard {
     }
 }
 
-/// Reads keys until the terminal is gone or the receiver is closed. Runs on a thread of its own.
-pub(crate) fn read_keys(keys: &mpsc::Sender<Vec<Key>>) {
+/// Reads keys and scans until the terminal is gone or the receiver is closed. Runs on a thread of its own.
+pub(crate) fn read_keys(inputs: &mpsc::Sender<Vec<Input>>) {
     let Ok(stdin) = io::stdin().as_fd().try_clone_to_owned() else { return };
     let mut stdin = File::from(stdin);
-    let (mut decoder, mut bytes) = (KeyDecoder::default(), [0; READ_BYTES]);
+    let (mut reader, mut bytes, began) = (InputReader::default(), [0; READ_BYTES], Instant::now());
     loop {
-        let wait = if decoder.is_waiting() { PollTimeout::from(REST_OF_KEY_MS) } else { PollTimeout::NONE };
         let mut polled = [PollFd::new(stdin.as_fd(), PollFlags::POLLIN)];
-        let ready = match poll(&mut polled, wait) {
+        let ready = match poll(&mut polled, until(reader.due_at(), began)) {
             Ok(ready) => ready,
             Err(nix::errno::Errno::EINTR) => continue,
             Err(_) => return,
         };
         let mut batch = Vec::new();
         if ready == 0 {
-            decoder.flush(&mut batch);
+            reader.pass_time(began.elapsed(), &mut batch);
         } else if polled[0].revents().is_some_and(|events| events.contains(PollFlags::POLLIN)) {
             match stdin.read(&mut bytes) {
                 Ok(0) => return,
-                Ok(count) => decoder.feed(&bytes[..count], &mut batch),
+                Ok(count) => reader.feed(began.elapsed(), &bytes[..count], &mut batch),
                 Err(error) if matches!(error.kind(), io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock) => {}
                 Err(_) => return,
             }
@@ -120,10 +118,17 @@ pub(crate) fn read_keys(keys: &mpsc::Sender<Vec<Key>>) {
             continue;
         }
         // A full channel blocks this thread, never the run.
-        if keys.blocking_send(spaces_in_text(batch)).is_err() {
+        if inputs.blocking_send(batch).is_err() {
             return;
         }
     }
+}
+
+/// The wait until a time since `began`, in whole milliseconds and not too short.
+fn until(due_at: Option<Duration>, began: Instant) -> PollTimeout {
+    let Some(due_at) = due_at else { return PollTimeout::NONE };
+    let millis = due_at.saturating_sub(began.elapsed()).as_micros().div_ceil(1000);
+    u16::try_from(millis).map_or(PollTimeout::from(u16::MAX), PollTimeout::from)
 }
 
 /// Counts changes of the terminal's size, and continuations of a stopped program, after which the screen must be drawn
@@ -141,16 +146,6 @@ pub(crate) async fn watch_size(changes: watch::Sender<u64>) {
         }
         changes.send_modify(|count| *count += 1);
     }
-}
-
-/// A space that comes together with other characters belongs to a scanned code.
-fn spaces_in_text(mut batch: Vec<Key>) -> Vec<Key> {
-    if batch.iter().any(|key| matches!(key, Key::Char(character) if *character != ' ')) {
-        for key in batch.iter_mut().filter(|key| **key == Key::Char(' ')) {
-            *key = Key::Pasted(' ');
-        }
-    }
-    batch
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Every screen in every language at its two sizes, and what keys do. Time stands still in all of them.
 
 mod captures;
+mod scans;
 mod start;
 mod truth;
 
@@ -451,7 +452,8 @@ fn a_second_test_is_asked_for() {
     assert_eq!(scene.key(Key::Esc), None);
     scene.key(Key::F(5));
     scene.tell(earlier());
-    assert!(matches!(scene.key(Key::Enter), Some(Effect::Start(start)) if start.selection.is_none()));
+    assert_eq!(scene.key(Key::Enter), None, "a scanner sends that");
+    assert!(matches!(scene.key(Key::F(2)), Some(Effect::Start(start)) if start.selection.is_none()));
 }
 
 /// What does not count for the module is shown as what it is, and does not ask.
@@ -534,7 +536,8 @@ fn stop_pause_abort_and_leave() {
     assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop));
     assert!(scene.text().contains("Stop now"), "{}", scene.text());
     assert_eq!(scene.key(Key::F(10)), None, "a run is on");
-    assert_eq!(scene.key(Key::Enter), Some(Effect::Stop));
+    assert_eq!(scene.key(Key::Enter), None, "a scanner sends that");
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::Stop));
     scene.event(EventKind::RunEnded(Verdict::Module(Outcome::Aborted)));
     assert_eq!(scene.tell(Msg::RunOver { store_error: None, refusal: None }), Some(Effect::Leave));
 }

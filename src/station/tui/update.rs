@@ -2,6 +2,7 @@
 
 mod keys;
 mod run;
+mod scan;
 mod start;
 
 use std::path::PathBuf;
@@ -14,6 +15,7 @@ use gnc_records::shift::Shift;
 use gnc_records::standing::Standing;
 
 use super::decode::Key;
+use super::input::{Input, Scanned};
 use super::lang::{Lang, Texts, fill};
 use super::model::{BenchView, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage};
 use super::pending::Prepared;
@@ -27,6 +29,12 @@ pub(crate) enum Msg {
     Time(Now),
     /// A key.
     Key(Key),
+    /// A scan.
+    Scan(Scanned),
+    /// The scanner at the serial port is not there.
+    ScannerLost { why: String },
+    /// It is there again.
+    ScannerBack { port: String },
     /// An event of the run.
     Event(Box<Event>),
     /// How far the items at work are.
@@ -71,6 +79,15 @@ pub(crate) enum Msg {
     WatchOver { why: Option<String> },
     /// A signal asks the program to end.
     EndAsked,
+}
+
+impl From<Input> for Msg {
+    fn from(input: Input) -> Self {
+        match input {
+            Input::Key(key) => Self::Key(key),
+            Input::Scan(scanned) => Self::Scan(scanned),
+        }
+    }
 }
 
 /// Work to be done outside of the screen.
@@ -127,6 +144,11 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
     match msg {
         Msg::Time(now) => model.goes_on(now),
         Msg::Key(key) => return keys::key(model, key),
+        Msg::Scan(scanned) => return scan::scan(model, &scanned),
+        Msg::ScannerLost { why } => {
+            model.say(MessageWeight::Warning, words(model.texts.scanner_lost, &[&why]));
+        }
+        Msg::ScannerBack { port } => model.say(MessageWeight::Info, words(model.texts.scanner_back, &[&port])),
         Msg::Event(event) => return run::event(model, &event),
         Msg::Progress(progress) => {
             if let Some(run) = &mut model.run {
@@ -173,8 +195,8 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             }
             return match model.leaving {
                 true => Some(Effect::Leave),
-                // The operator turned to the records page while the module was being switched off.
-                false => keys::read_if_due(model),
+                // The operator turned to the records page, or scanned a number, while the module was being switched off.
+                false => keys::read_if_due(model).or_else(|| scan::look_up(model)),
             };
         }
         Msg::EndAsked => model.leaving = true,
@@ -213,7 +235,7 @@ fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) -> O
     }
     // What the records say of the module depends on the plan.
     model.scan.standing = None;
-    model.plan.ready().and(keys::look_up(model))
+    model.plan.ready().and(scan::look_up(model))
 }
 
 fn take_records(model: &mut ScreenModel, msg: Msg) {

@@ -381,7 +381,7 @@ fn what_is_no_plan_at_all() {
     plan.toml:3:1: unknown key "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx…"
      3 | xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx
        | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
-       = try: the keys are description, include, item, name, on_fail, requires_plan, valid_days, version
+       = try: the keys are description, include, item, name, on_fail, requires_plan, resume, serial_number, valid_days, version
 
     plan.toml:3:3007: unexpected key or value, expected newline, `#`
      3 | 1, 1, 1, 1, 1, 1, 1, 1, ], unexpected = 2
@@ -438,5 +438,24 @@ fn required_plans_are_checked() {
      5 | require_plan = []
        | ^^^^^^^^^^^^
        = try: did you mean "requires_plan"?
+    "#);
+}
+
+/// The pattern of serial numbers is held when the plan is read.
+#[test]
+fn a_pattern_of_serial_numbers() {
+    let plan = |pattern: &str| format!("name = \"p\"\nversion = \"1\"\nserial_number = {pattern}\n{IDENTITY}");
+    let good = read(&[("p.toml", &plan("\"SN-[0-9]{4}\""))]).unwrap();
+    assert!(good.serial_number.is_some_and(|pattern| pattern.fits("SN-0001") && !pattern.fits("SN-00010")));
+    insta::assert_snapshot!(mistakes(&plan("\"SN-[0-9\"")), @r#"
+    plan.toml:3:17: the pattern "SN-[0-9" cannot be read: found unclosed character class
+     3 | serial_number = "SN-[0-9"
+       |                 ^^^^^^^^^
+       = try: write a regular expression, like "SN-[0-9]{4}"
+    "#);
+    insta::assert_snapshot!(mistakes(&plan("4")), @r#"
+    plan.toml:3:17: "serial_number" is a whole number, and must be a text in quotes
+     3 | serial_number = 4
+       |                 ^
     "#);
 }

@@ -81,6 +81,7 @@ pub(crate) fn serve(
             abilities: BenchAbilities { rs422: true, can: false, operator: true },
             fixture: Fixture::Driven(Arc::new(bench.control())),
             site: file.site,
+            serial_number: None,
         };
         let done = service::run(request, equipment, control, &Live::default(), &mut observer).await;
         assert!(!bench.control().truth().expect("a bench").powered, "the module is left under power");

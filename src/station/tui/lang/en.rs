@@ -102,6 +102,16 @@ pub(super) static TEXTS: Texts = Texts {
     scan_empty: "The scan was empty: scan the label again.",
     scan_too_long: "The scan has {} characters, at most {} are allowed: scan the label again.",
     scan_control: "The scan contains control characters: scan the label again.",
+    scan_misfit: "{} is no serial number here, it must fit {}: scan the label again.",
+    scanner_lost: "The scanner is not there, so type the number: {}",
+    scanner_back: "The scanner at {} is there again.",
+    scan_invisible: "A character that nobody sees ({}) was scanned: scan again, or type it.",
+    scan_layout: "{}: the scanner types in another layout. Switch to English, scan again.",
+    scan_fields: "Scan the code of the serial number alone. This one has several fields: {}",
+    scan_cut: "This scan has no line end, those before had: compare {}, then press Enter.",
+    scan_waits: "{} was scanned without a line end: Enter or F5 takes it.",
+    scan_instead: "{}: F5 starts the test. Dropped what was typed before: {}",
+    scan_beside_form: "{} was scanned as the serial number. This form stays as it is.",
     nothing_ticked: "No item is ticked: tick one with Space, or all with Ctrl-A.",
     nothing_failed: "The last run has nothing to repeat.",
     no_plan: "There is no plan that can be run: choose one with F2.",
@@ -234,7 +244,7 @@ pub(super) static TEXTS: Texts = Texts {
 };
 
 fn ask(ask: &Ask) -> String {
-    gnc_text::printable(&ask.to_string()).into_owned()
+    gnc_text::printable(&ask.with_key("F2")).into_owned()
 }
 
 fn key(action: KeyAction) -> KeyText {

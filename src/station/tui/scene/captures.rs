@@ -80,6 +80,7 @@ impl Scene {
             items,
             programs: plan.items().iter().filter_map(ProgramView::of).collect(),
             part: Some("GNC-POP-26".into()),
+            serial_number: None,
             expected_s: None,
         };
         let path = "test-plans/calibration.toml".into();

@@ -99,6 +99,7 @@ fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
         operator: usual_operator(checked),
         operator_required: checked.habits.operator.required,
         bell: checked.habits.bell,
+        serial_number: checked.serial_number.clone(),
     }
 }
 
@@ -122,7 +123,8 @@ fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanVi
     let programs = plan.items().iter().filter_map(ProgramView::of).collect();
     let job = Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
     let sha256 = checked.sha256().to_owned();
-    let view = PlanView { name, version, sha256, items: job.planned(), programs, part, expected_s: None };
+    let (items, serial_number) = (job.planned(), plan.serial_number.clone());
+    let view = PlanView { name, version, sha256, items, programs, part, serial_number, expected_s: None };
     Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))
 }
 

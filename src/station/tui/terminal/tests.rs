@@ -2,7 +2,6 @@ use std::io::ErrorKind;
 use std::num::NonZero;
 use std::os::fd::OwnedFd;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use nix::pty::{Winsize, openpty};
 use nix::sys::termios::tcgetattr;
@@ -11,14 +10,6 @@ use super::*;
 use crate::tui::lang::Lang;
 use crate::tui::scene::Scene;
 use crate::tui::view;
-
-#[test]
-fn a_space_amid_text_is_text() {
-    let scanned = spaces_in_text(vec![Key::Char(' '), Key::Char('S'), Key::Char(' '), Key::Char('1'), Key::Enter]);
-    let text = [Key::Pasted(' '), Key::Char('S'), Key::Pasted(' '), Key::Char('1'), Key::Enter];
-    assert_eq!(scanned, text);
-    assert_eq!(spaces_in_text(vec![Key::Char(' '), Key::Down]), [Key::Char(' '), Key::Down]);
-}
 
 /// The environment variable that makes this test program panic on a terminal; its value is the thread.
 const GRIEF: &str = "GNC_TEST_PANIC_ON";

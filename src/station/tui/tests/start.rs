@@ -93,7 +93,7 @@ fn changed_files_are_asked_about() {
     let mut scene = super::scene(Lang::En);
     start(&mut scene, changed(), None);
     let (plan, bench) = ("test-plans/functional.toml".into(), "sim:good".into());
-    assert_eq!(scene.key(Key::Enter), Some(Effect::Choose { plan, bench }));
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::Choose { plan, bench }));
     assert_eq!(scene.model.plan, Loaded::Loading);
     assert_eq!(scene.model.pending, None, "it is looked at before it runs");
     assert!(scene.text().contains("then press F5"), "{}", scene.text());
@@ -114,7 +114,8 @@ fn a_run_that_broke_off_is_taken_up_once() {
     scene.model.rounds = RoundsSetting::Count(5);
     assert_eq!(start(&mut scene, changed(), broke_off()), None);
     assert_eq!(scene.key(Key::F(6)), None, "the second question");
-    let taken_up = started(scene.key(Key::Enter));
+    assert_eq!(scene.key(Key::Enter), None, "a scanner sends that");
+    let taken_up = started(scene.key(Key::F(2)));
     assert_eq!((taken_up.resume, taken_up.rounds), (Some(PathBuf::from(RUN)), RoundsSetting::Once));
 
     let mut scene = super::scene(Lang::En);
@@ -142,7 +143,7 @@ fn the_run_of_the_command_line_is_not_forgotten() {
     assert_eq!(scene.key(Key::Esc), None);
     assert_eq!(scene.key(Key::F(5)), Some(asked), "the operator has not decided");
     scene.tell(refused());
-    assert_eq!(started(scene.key(Key::Enter)).resume, None);
+    assert_eq!(started(scene.key(Key::F(2))).resume, None);
     assert_eq!(scene.model.resume, None);
 }
 
@@ -203,7 +204,7 @@ fn a_verdict_goes_with_its_plan() {
         Prepared { serial_number: "DEMO-1".into(), changed: changed(), standing: Some(super::never()), resume: None };
     scene.key(Key::F(5));
     scene.tell(Msg::Prepared(Box::new(prepared)));
-    assert_eq!(scene.key(Key::Enter), Some(choose()));
+    assert_eq!(scene.key(Key::F(2)), Some(choose()));
     assert!(scene.model.run.is_none(), "the verdict was by another plan");
     let path = "test-plans/functional.toml".into();
     scene.tell(Msg::Plan { path, plan: Loaded::Refused("unknown item \"cpo\"".into()) });

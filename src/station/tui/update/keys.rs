@@ -1,8 +1,7 @@
 //! What keys do in each place.
 
 use super::start::{self, ask_to_start};
-use super::{Effect, set_language, words};
-use crate::serial_number::{self, SerialNumberError};
+use super::{Effect, scan, set_language, words};
 use crate::tui::decode::Key;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::live::History;
@@ -22,7 +21,7 @@ pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
         }
         return None;
     }
-    if let Some(command) = scanned(model, place, key) {
+    if let Some(command) = typed(model, place, key) {
         return command;
     }
     match keymap::action(place, key) {
@@ -37,10 +36,13 @@ fn is_text(key: Key) -> bool {
 
 /// Adds text to the serial number, or to the search of the records. `Some`: the key was text, or ended it.
 #[expect(clippy::option_option, reason = "whether the key was taken, and what it asks for")]
-fn scanned(model: &mut ScreenModel, place: KeyContext, key: Key) -> Option<Option<Effect>> {
+fn typed(model: &mut ScreenModel, place: KeyContext, key: Key) -> Option<Option<Effect>> {
     let searching = matches!(place, KeyContext::Records);
+    let typing = if searching { !model.records.search.is_empty() } else { !model.scan.typed.is_empty() };
+    if matches!(key, Key::Enter | Key::Tab) && typing && !searching {
+        return Some(scan::finish_typed(model).unwrap_or(None));
+    }
     let field = if searching { &mut model.records.search } else { &mut model.scan.typed };
-    let typing = !field.is_empty();
     match key {
         // A space between characters belongs to the number; a space alone ticks an item.
         Key::Char(' ') if !typing => return None,
@@ -48,62 +50,14 @@ fn scanned(model: &mut ScreenModel, place: KeyContext, key: Key) -> Option<Optio
         Key::Control => field.spoil(),
         Key::Backspace => field.pop(),
         Key::Esc if typing => field.clear(),
-        Key::Enter | Key::Tab if typing && !searching => {
-            finish_scan(model);
-            return Some(look_up(model));
-        }
         _ => return None,
     }
     if searching {
         model.records.run_cursor = 0;
+    } else {
+        model.scan.typed_by_scanner = false;
     }
     Some(None)
-}
-
-/// Takes what was typed as a serial number.
-fn finish_scan(model: &mut ScreenModel) -> bool {
-    let texts = model.texts;
-    let field = std::mem::take(&mut model.scan.typed);
-    let too_long = |characters: usize| {
-        words(texts.scan_too_long, &[&characters.to_string(), &serial_number::MAX_CHARACTERS.to_string()])
-    };
-    let problem = match serial_number::check(field.text()) {
-        _ if field.has_control() => texts.scan_control.to_owned(),
-        _ if field.characters() > serial_number::MAX_CHARACTERS => too_long(field.characters()),
-        Err(SerialNumberError::Empty) => texts.scan_empty.to_owned(),
-        Err(SerialNumberError::TooLong { characters }) => too_long(characters),
-        Err(SerialNumberError::Control { .. }) => texts.scan_control.to_owned(),
-        Ok(number) => {
-            take_number(model, number);
-            return true;
-        }
-    };
-    model.say(MessageWeight::Error, problem);
-    false
-}
-
-fn take_number(model: &mut ScreenModel, number: String) {
-    let texts = model.texts;
-    let shown = gnc_text::printable(&number).into_owned();
-    if model.is_running() {
-        model.scan.next = Some(number);
-        return model.say(MessageWeight::Info, words(texts.scanned_next, &[&shown]));
-    }
-    model.scan.current = Some(number);
-    model.scan.next = None;
-    model.scan.standing = None;
-    model.pending = None;
-    // The verdict on the screen belongs to another module.
-    model.run = None;
-    model.cursor = 0;
-    model.page = ScreenPage::Tests;
-    model.over.retain(|over| matches!(over, Over::Setup(_)));
-    model.say(MessageWeight::Info, words(texts.scanned, &[&shown]));
-}
-
-pub(super) fn look_up(model: &ScreenModel) -> Option<Effect> {
-    let number = model.scan.current.clone().filter(|_| !model.is_running() && model.scan.standing.is_none());
-    number.map(Effect::LookUp)
 }
 
 fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<Effect> {
@@ -175,12 +129,14 @@ fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
         model.say(MessageWeight::Warning, model.texts.not_during_run);
         return None;
     }
+    // F3 and F4 stay with the module on the screen. Only F5 goes on to the next one.
+    let goes_on = what == What::Ticked || model.scan.current.is_none();
     // Some scanners send no line end. Then the number is complete when the operator starts.
-    if !model.scan.typed.is_empty() && !finish_scan(model) {
+    if goes_on && !model.scan.typed.is_empty() && scan::finish_typed(model).is_err() {
         return None;
     }
-    if let Some(next) = model.scan.next.take() {
-        take_number(model, next);
+    if let Some(next) = model.scan.next.take_if(|_| goes_on) {
+        scan::take_number(model, next);
     }
     let lacking = match (&model.bench, &model.plan) {
         (Loaded::Loading, _) | (_, Loaded::Loading) => Some(model.texts.still_loading),

@@ -1,6 +1,6 @@
 //! From a key to a run: the checks and the questions before the run begins.
 
-use super::{Effect, StartRequest};
+use super::{Effect, StartRequest, scan};
 use crate::tui::keymap::KeyAction;
 use crate::tui::lang;
 use crate::tui::live::History;
@@ -13,6 +13,11 @@ pub(super) fn ask_to_start(model: &mut ScreenModel, pending: PendingStart) -> Op
         model.say(MessageWeight::Warning, model.texts.scan_first);
         return None;
     };
+    // The number of the command line, or one that was scanned before another plan was chosen.
+    if let Some(problem) = scan::misfit(model, &serial_number) {
+        model.say(MessageWeight::Error, problem);
+        return None;
+    }
     let (selection, resume) = (pending.selection.clone(), model.resume.clone());
     model.pending = Some(pending);
     Some(Effect::Prepare { serial_number, selection, resume })

@@ -113,7 +113,7 @@ pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     // What must be done and the answers stay on the smallest screen; the picture goes first, then the rest.
     let room = area.height.saturating_sub(what_rows + 4);
     let picture_rows = picture::rows(&prompt.ask);
-    let picture_rows = if picture_rows + on_no_rows + 2 <= room { picture_rows } else { 0 };
+    let picture_rows = if picture_rows + on_no_rows <= room { picture_rows } else { 0 };
     if on_no_rows + 1 > room {
         on_no_rows = 0;
     }

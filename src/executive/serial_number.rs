@@ -1,0 +1,90 @@
+//! The pattern of serial numbers, as a bench file or a plan writes it: `serial_number = "SN-[0-9]{4}"`.
+
+use std::fmt;
+
+use gnc_config::TomlTable;
+use gnc_text::quoted;
+use regex_lite::Regex;
+
+/// Longest pattern; the longest serial number has 64 characters.
+const PATTERN_CHARACTERS: usize = 256;
+
+/// A regular expression that a whole serial number must match.
+#[derive(Clone, Debug)]
+pub struct SerialNumberPattern {
+    /// As it is written.
+    text: String,
+    whole: Regex,
+}
+
+impl SerialNumberPattern {
+    /// Reads a pattern.
+    ///
+    /// # Errors
+    /// Why it is no regular expression.
+    pub fn new(text: &str) -> Result<Self, String> {
+        if text.chars().count() > PATTERN_CHARACTERS {
+            return Err(format!("it has more than {PATTERN_CHARACTERS} characters"));
+        }
+        // Alone first: a bracket that is closed too early must not close that of the line below.
+        Regex::new(text).map_err(|error| error.to_string())?;
+        let whole = Regex::new(&format!("^(?:{text})$")).map_err(|error| error.to_string())?;
+        Ok(Self { text: text.to_owned(), whole })
+    }
+
+    /// Whether all of a serial number matches.
+    #[must_use]
+    pub fn fits(&self, serial_number: &str) -> bool {
+        self.whole.is_match(serial_number)
+    }
+}
+
+/// The text tells all that the pattern does.
+impl PartialEq for SerialNumberPattern {
+    fn eq(&self, other: &Self) -> bool {
+        self.text == other.text
+    }
+}
+
+impl fmt::Display for SerialNumberPattern {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+/// Reads the key `serial_number` of a table, if it is there.
+pub(crate) fn pattern(table: &TomlTable<'_, '_>) -> Option<SerialNumberPattern> {
+    let (text, span) = table.text("serial_number")?;
+    match SerialNumberPattern::new(text) {
+        Ok(pattern) => Some(pattern),
+        Err(why) => {
+            let hint = "write a regular expression, like \"SN-[0-9]{4}\"";
+            table.mistake_at(span, format!("the pattern {} cannot be read: {why}", quoted(text)), hint);
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_of_a_number_must_match() {
+        let fits = |pattern: &str, number: &str| SerialNumberPattern::new(pattern).expect("a pattern").fits(number);
+        assert!(fits("SN-[0-9]{4}", "SN-0001"));
+        for number in ["SN-001", "SN-00011", "xSN-0001", "SN-0001\n", "sn-0001", "SN-00०1", ""] {
+            assert!(!fits("SN-[0-9]{4}", number), "{number:?}");
+        }
+        // Alternatives are held whole too.
+        assert!(fits("A[0-9]|B[0-9]", "B1") && !fits("A[0-9]|B[0-9]", "A1x") && !fits("A[0-9]|B[0-9]", "xB1"));
+        assert!(fits("БИНС-\\d+", "БИНС-12"));
+    }
+
+    #[test]
+    fn what_is_no_pattern() {
+        for text in ["SN-[0-9", "SN-(1", "a)|(b", "*", "x{2,1}", "\\p{", &"x".repeat(257)] {
+            assert!(SerialNumberPattern::new(text).is_err(), "{text}");
+        }
+    }
+}

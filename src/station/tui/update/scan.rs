@@ -1,0 +1,181 @@
+//! From a scan, or from typed text, to the serial number.
+
+use gnc_executive::serial_number::SerialNumberPattern;
+
+use super::{Effect, words};
+use crate::serial_number::{self, SerialNumberError};
+use crate::tui::field::InputField;
+use crate::tui::framing::{self, ScanProblem};
+use crate::tui::input::Scanned;
+use crate::tui::keymap::KeyContext;
+use crate::tui::model::{MessageWeight, Over, ScreenModel, ScreenPage};
+
+/// Takes a scan, wherever the operator is. It is never a key and never falls into another field.
+pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) -> Option<Effect> {
+    let texts = model.texts;
+    let before = take_back(model, scanned.taken_back);
+    let number = match framing::number(&before, scanned) {
+        // A pattern that asks for other letters knows better.
+        Ok(number) if framing::is_other_layout(&number) && !is_asked_for(model, &number) => {
+            Err(ScanProblem::Layout(number))
+        }
+        read => read,
+    };
+    let typed = std::mem::take(&mut model.scan.typed);
+    let number = match number {
+        Ok(number) => number,
+        Err(problem) => {
+            model.say(MessageWeight::Error, words_of(model, &problem));
+            return None;
+        }
+    };
+    if scanned.ended {
+        model.scan.has_ends = true;
+        return take_scanned(model, &number, &typed);
+    }
+    // Text that a hand began and a slow line held back comes at once, too.
+    let begun = if std::mem::replace(&mut model.scan.typed_by_scanner, true) { "" } else { typed.text() };
+    model.scan.typed = InputField::new(&format!("{begun}{number}"));
+    let shown = gnc_text::printable(&number).into_owned();
+    if model.scan.has_ends {
+        model.say(MessageWeight::Warning, words(texts.scan_cut, &[&shown]));
+    } else if model.place() != KeyContext::Idle {
+        model.say(MessageWeight::Info, words(texts.scan_waits, &[&shown]));
+    }
+    None
+}
+
+/// Takes a whole scan as the serial number.
+fn take_scanned(model: &mut ScreenModel, number: &str, typed: &InputField) -> Option<Effect> {
+    let texts = model.texts;
+    let number = match serial_number::check(number) {
+        Ok(number) => number,
+        Err(error) => {
+            model.say(MessageWeight::Error, in_words(model, &error));
+            return None;
+        }
+    };
+    if let Some(problem) = misfit(model, &number) {
+        model.say(MessageWeight::Error, problem);
+        return None;
+    }
+    let shown = gnc_text::printable(&number).into_owned();
+    let effect = take_number(model, number);
+    if matches!(model.over.last(), Some(Over::Setup(_))) {
+        model.say(MessageWeight::Info, words(texts.scan_beside_form, &[&shown]));
+    } else if !typed.is_empty() {
+        let dropped = gnc_text::printable(typed.text()).into_owned();
+        model.say(MessageWeight::Warning, words(texts.scan_instead, &[&shown, &dropped]));
+    }
+    effect
+}
+
+/// Takes characters back that were given as keys before they turned out to be the beginning of a scan.
+fn take_back(model: &mut ScreenModel, count: usize) -> String {
+    let searching = model.place() == KeyContext::Records;
+    let field = match model.over.last_mut() {
+        Some(Over::Setup(form)) => form.field_here(),
+        _ if searching => Some(&mut model.records.search),
+        _ => Some(&mut model.scan.typed),
+    };
+    let Some(field) = field else { return String::new() };
+    let kept = field.text().chars().count().saturating_sub(count);
+    let taken = field.text().chars().skip(kept).collect();
+    (0..count).for_each(|_| field.pop());
+    taken
+}
+
+/// Takes what was typed as a serial number; `Err`: it is none, and the operator is told.
+pub(super) fn finish_typed(model: &mut ScreenModel) -> Result<Option<Effect>, ()> {
+    let texts = model.texts;
+    let field = std::mem::take(&mut model.scan.typed);
+    model.scan.typed_by_scanner = false;
+    let problem = match serial_number::check(field.text()) {
+        _ if field.has_control() => texts.scan_control.to_owned(),
+        _ if field.characters() > serial_number::MAX_CHARACTERS => too_long(model, field.characters()),
+        Err(error) => in_words(model, &error),
+        Ok(number) => match misfit(model, &number) {
+            None => return Ok(take_number(model, number)),
+            Some(problem) => problem,
+        },
+    };
+    model.say(MessageWeight::Error, problem);
+    Err(())
+}
+
+/// Takes a number: at once, or after the run that is on.
+pub(super) fn take_number(model: &mut ScreenModel, number: String) -> Option<Effect> {
+    let texts = model.texts;
+    let shown = gnc_text::printable(&number).into_owned();
+    model.scan.typed_by_scanner = false;
+    if model.is_running() {
+        model.scan.next = Some(number);
+        model.say(MessageWeight::Info, words(texts.scanned_next, &[&shown]));
+        return None;
+    }
+    model.scan.current = Some(number);
+    model.scan.next = None;
+    model.scan.standing = None;
+    model.pending = None;
+    // The verdict on the screen belongs to another module.
+    model.run = None;
+    model.cursor = 0;
+    model.page = ScreenPage::Tests;
+    model.over.retain(|over| matches!(over, Over::Setup(_)));
+    model.say(MessageWeight::Info, words(texts.scanned, &[&shown]));
+    // Raw values are those of the module before. When it is switched off, the records are searched.
+    if model.watching { Some(Effect::Stop) } else { look_up(model) }
+}
+
+/// The patterns of bench and plan, as far as they are known.
+fn patterns(model: &ScreenModel) -> impl Iterator<Item = &SerialNumberPattern> {
+    let bench = model.bench.ready().and_then(|bench| bench.serial_number.as_ref());
+    bench.into_iter().chain(model.plan.ready().and_then(|plan| plan.serial_number.as_ref()))
+}
+
+fn is_asked_for(model: &ScreenModel, number: &str) -> bool {
+    patterns(model).next().is_some() && patterns(model).all(|pattern| pattern.fits(number))
+}
+
+/// Why a number is none of this bench or this plan.
+pub(super) fn misfit(model: &ScreenModel, number: &str) -> Option<String> {
+    let pattern = patterns(model).find(|pattern| !pattern.fits(number))?.to_string();
+    let [number, pattern] = [number, &pattern].map(|text| gnc_text::printable(text).into_owned());
+    Some(words(model.texts.scan_misfit, &[&number, &pattern]))
+}
+
+/// Has the records searched for earlier runs of the module, once.
+pub(super) fn look_up(model: &ScreenModel) -> Option<Effect> {
+    let number = model.scan.current.clone().filter(|_| !model.is_running() && model.scan.standing.is_none());
+    number.map(Effect::LookUp)
+}
+
+fn too_long(model: &ScreenModel, characters: usize) -> String {
+    words(model.texts.scan_too_long, &[&characters.to_string(), &serial_number::MAX_CHARACTERS.to_string()])
+}
+
+fn invisible(model: &ScreenModel, character: char) -> String {
+    words(model.texts.scan_invisible, &[&format!("U+{:04X}", character as u32)])
+}
+
+fn in_words(model: &ScreenModel, error: &SerialNumberError) -> String {
+    match error {
+        SerialNumberError::Empty => model.texts.scan_empty.to_owned(),
+        SerialNumberError::TooLong { characters } => too_long(model, *characters),
+        SerialNumberError::Control { .. } => model.texts.scan_control.to_owned(),
+        SerialNumberError::Invisible { character, .. } => invisible(model, *character),
+    }
+}
+
+fn words_of(model: &ScreenModel, problem: &ScanProblem) -> String {
+    let texts = model.texts;
+    let shown = |text: &str| gnc_text::printable(text).into_owned();
+    match problem {
+        ScanProblem::Empty => texts.scan_empty.to_owned(),
+        ScanProblem::TooLong { characters } => too_long(model, *characters),
+        ScanProblem::Control => texts.scan_control.to_owned(),
+        ScanProblem::Fields(fields) => words(texts.scan_fields, &[&shown(fields)]),
+        ScanProblem::Layout(number) => words(texts.scan_layout, &[&shown(number)]),
+        ScanProblem::Invisible(character) => invisible(model, *character),
+    }
+}
