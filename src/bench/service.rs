@@ -11,7 +11,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use chrono::{DateTime, FixedOffset, Local};
+use chrono::{DateTime, FixedOffset};
 use gnc_config::Mistakes;
 use gnc_executive::bench::BenchSite;
 use gnc_executive::event::{BenchInfo, EVENTS_SCHEMA, Loop, ProgramVersion, RunHeader};
@@ -21,9 +21,11 @@ use gnc_executive::plan::OnFail;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::resume::{Like, ResumeError, Resumed};
+use gnc_records::store::reader;
 use gnc_records::store::{RecordWriter, RunFolder, StationKey, StoreError, Watcher, seal_interrupted};
 use tokio::time::Instant;
 
+use crate::clock::{self, ClockError};
 use crate::control::RunControl;
 use crate::fixture::Fixture;
 use crate::journal::RunJournal;
@@ -52,6 +54,8 @@ pub struct Equipment {
     pub fixture: Fixture,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
+    /// Whether a person says that the clock is right, whatever speaks against it.
+    pub clock_is_right: bool,
 }
 
 /// A request for a run or for several rounds of it.
@@ -133,6 +137,9 @@ pub enum ServiceError {
     /// The earlier run cannot be taken up.
     #[error(transparent)]
     Resume(#[from] ResumeError),
+    /// The clock is wrong, so the record would have a wrong date.
+    #[error(transparent)]
+    Clock(#[from] ClockError),
     /// There is no place for the record.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -147,6 +154,7 @@ impl ServiceError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Resume(error) => error.try_this(),
+            Self::Clock(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
             // Each mistake in these errors has its own hint.
             Self::Unfit(_) | Self::Observer(_) => "",
@@ -215,11 +223,13 @@ struct Ready {
     order: RunOrder,
     records: PathBuf,
     key: Option<StationKey>,
+    clock_is_right: bool,
 }
 
 impl Ready {
     fn open(request: &RunRequest, equipment: Equipment) -> Result<Self, ServiceError> {
-        let Equipment { station, records, key, bench, target, can, abilities, fixture, site } = equipment;
+        let Equipment { station, records, key, bench, target, can, abilities, fixture, site, clock_is_right } =
+            equipment;
         let mut plan = request.plan.plan().clone();
         if let Some(on_fail) = request.on_fail {
             plan.on_fail = on_fail;
@@ -244,7 +254,7 @@ impl Ready {
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
         let found = seal_interrupted(&records, key.as_ref());
         let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
-        Ok(Self { order, records, key })
+        Ok(Self { order, records, key, clock_is_right })
     }
 
     async fn round(
@@ -254,9 +264,12 @@ impl Ready {
         live: &Live,
         observer: &mut impl Observer,
     ) -> Result<Ending, ServiceError> {
-        let Self { order, records, key } = self;
+        let Self { order, records, key, clock_is_right } = self;
         let plan = order.job.plan();
-        let at = dated.unwrap_or_else(|| Local::now().fixed_offset());
+        let at = dated.unwrap_or_else(clock::now);
+        if !*clock_is_right {
+            clock::check(at, order.header.program.build.as_ref(), reader::newest_day(records))?;
+        }
         // Create the folder before power-on, so that a module is not tested without a place for its record.
         let folder = RunFolder::create(records, at, &order.header.serial_number, &plan.name)?.signed_with(key.clone());
         let path = folder.path().to_owned();

@@ -3,6 +3,8 @@
 //! The runner emits the events. Every observer (store, screen, text output, replay of a stored journal) folds the same
 //! sequence with [`RunState::apply`](crate::state::RunState::apply), so that all of them agree.
 
+use std::fmt;
+
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
 
@@ -201,6 +203,33 @@ pub struct ProgramVersion {
     pub name: String,
     /// Its version.
     pub version: String,
+    /// The sources that it was built from; absent if they are not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub build: Option<BuildInfo>,
+}
+
+/// The sources of a program.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BuildInfo {
+    /// The commit, as hexadecimal digits.
+    pub commit: String,
+    /// When it was made.
+    pub committed: DateTime<FixedOffset>,
+    /// Whether the sources had changes that were not committed.
+    pub modified: bool,
+}
+
+/// Digits of a commit in a text for people.
+const SHOWN_DIGITS: usize = 12;
+
+impl fmt::Display for ProgramVersion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.name, self.version)?;
+        let Some(BuildInfo { commit, committed, modified }) = &self.build else { return Ok(()) };
+        let commit: String = commit.chars().take(SHOWN_DIGITS).collect();
+        let changed = if *modified { ", and changes that are not committed" } else { "" };
+        write!(f, " (commit {commit} of {}{changed})", committed.format("%F"))
+    }
 }
 
 /// The bench of a run.

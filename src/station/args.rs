@@ -6,11 +6,13 @@ use clap::{Args, Subcommand};
 use gnc_executive::plan::OnFail;
 use gnc_executive::quantity::{Dimension, Quantity, Unit};
 
+use crate::records::ListArgs;
+
 /// What to do with records.
 #[derive(Debug, Subcommand)]
 pub(crate) enum RecordsCommand {
-    /// Lists all runs, oldest first.
-    List,
+    /// Lists runs, oldest first; by default all.
+    List(ListArgs),
     /// Shows a run.
     Show {
         /// The run's folder (a path from here, or below the records folder), or a serial number for its newest run.
@@ -111,6 +113,9 @@ pub(crate) struct RunArgs {
     /// first, and offers an interrupted run of the scanned module by itself.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["loops", "until"])]
     pub resume: Option<PathBuf>,
+    /// Runs even if the clock is before the date of this program or of the newest record.
+    #[arg(long)]
+    pub clock_is_right: bool,
     /// Runs one item after the other, even where the plan lets items run at the same time.
     #[arg(long)]
     pub one_by_one: bool,

@@ -14,7 +14,6 @@ use gnc_bench::control::RunControl;
 use gnc_bench::fixture::{Fixture, Operator};
 use gnc_bench::runner::{Ending, Live};
 use gnc_bench::service::{self, Observer, Rounds, RunRequest, ServiceError};
-use gnc_executive::event::ProgramVersion;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_records::store::Watcher;
@@ -23,6 +22,7 @@ use gnc_text::with_causes;
 use crate::args::RunArgs;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::setup::{self, Setup};
+pub(crate) use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
 
@@ -154,9 +154,4 @@ impl Observer for Shown<'_> {
             );
         }
     }
-}
-
-/// This program, as records name it.
-pub(crate) fn program() -> ProgramVersion {
-    ProgramVersion { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() }
 }

@@ -48,6 +48,8 @@ pub(crate) struct CheckedBench {
     pub abilities: BenchAbilities,
     /// The file that describes it, unless it is built in.
     pub text: Option<ReadFile>,
+    /// Whether a person says that the clock is right.
+    clock_is_right: bool,
     site: Option<BenchSite>,
     kind: Kind,
 }
@@ -100,6 +102,7 @@ impl CheckedBench {
                     abilities: BenchAbilities { operator: fixture.is_there(), ..self.abilities },
                     fixture,
                     site: self.site.clone(),
+                    clock_is_right: self.clock_is_right,
                 };
                 Ok(Setup { equipment, simulation: None })
             }
@@ -205,6 +208,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         bench,
         abilities: abilities(&file, true),
         text: Some(text),
+        clock_is_right: args.clock_is_right,
         kind: Kind::Real(Box::new(Lines { key: key(&file, path.parent())?, target, can })),
         site: file.site,
     })
@@ -243,6 +247,10 @@ fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, Co
 
 /// Returns the records folder. A relative path in a bench file starts at the folder of that file.
 fn records(args: &RunArgs, file: &BenchFile, folder: Option<&Path>) -> PathBuf {
-    let named = file.records.as_ref().map(|records| folder.unwrap_or_else(|| Path::new("")).join(records));
-    args.records.clone().or(named).unwrap_or_else(|| RECORDS.into())
+    args.records.clone().or_else(|| records_of(file, folder)).unwrap_or_else(|| RECORDS.into())
+}
+
+/// The records folder that a bench file names. A relative path starts at the folder of that file.
+pub(crate) fn records_of(file: &BenchFile, folder: Option<&Path>) -> Option<PathBuf> {
+    file.records.as_ref().map(|records| folder.unwrap_or_else(|| Path::new("")).join(records))
 }

@@ -46,6 +46,7 @@ pub(super) fn order(
         program: ProgramVersion {
             name: env!("CARGO_PKG_NAME").to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            build: None,
         },
         on_fail: None,
         rounds: Rounds::Once,
@@ -64,6 +65,7 @@ pub(super) fn order(
         abilities: BenchAbilities { rs422: case.link == Link::Rs422, can: true, operator: true },
         fixture,
         site: file.site,
+        clock_is_right: false,
     };
     Ok(Ordered { request, equipment })
 }

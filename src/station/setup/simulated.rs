@@ -50,6 +50,7 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
         bench,
         abilities: BenchAbilities { rs422: args.sim_link == SimLink::Rs422, ..SIMULATED },
         text,
+        clock_is_right: args.clock_is_right,
         site: file.site,
         kind: Kind::Simulated(Box::new(SimulatedModule { options, link: args.sim_link, interfaces })),
     })
@@ -136,6 +137,7 @@ impl SimulatedModule {
             abilities: checked.abilities,
             fixture: Fixture::Driven(Arc::new(running.control())),
             site: checked.site.clone(),
+            clock_is_right: checked.clock_is_right,
         };
         Ok(Setup { equipment, simulation: Some(running) })
     }

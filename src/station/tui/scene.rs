@@ -315,7 +315,7 @@ fn header(serial_number: &str, plan: &str) -> RunHeader {
         serial_number: serial_number.into(),
         operator: Some("Zhang Wei".into()),
         station: "line-2".into(),
-        program: ProgramVersion { name: "gnc-station".into(), version: "0.1.0".into() },
+        program: ProgramVersion { name: "gnc-station".into(), version: "0.1.0".into(), build: None },
         bench: BenchInfo::simulated("good", "1", 1),
         site: None,
         recomputed: None,
