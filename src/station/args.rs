@@ -122,6 +122,9 @@ pub(crate) struct RunArgs {
     /// Writes the events as JSON lines to standard output, and all text for people to standard error.
     #[arg(long, requires = "auto")]
     pub events: bool,
+    /// Writes the runs as JUnit XML for a CI server: a suite for each run, a case for each item.
+    #[arg(long, value_name = "FILE", requires = "auto")]
+    pub junit: Option<PathBuf>,
 }
 
 /// What a bad item means for the rest.

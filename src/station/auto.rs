@@ -4,6 +4,7 @@
 //! stopped terminal never stops a test.
 
 mod face;
+mod junit;
 
 use std::io::{self, IsTerminal as _};
 use std::path::Path;
@@ -25,28 +26,43 @@ use crate::setup::{self, Setup};
 pub(crate) use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
+use junit::JunitFile;
 
 /// Largest number of events that wait for a blocked terminal: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;
 
 /// Runs the plan as often as asked. The worst outcome decides the exit code.
 pub(crate) fn run(args: &RunArgs) -> ExitCode {
-    match prepare(args) {
-        Err(refusal) => refuse(refusal.what, &refusal.try_this),
-        Ok((request, setup)) => {
-            let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
-                Ok(runtime) => runtime,
-                Err(error) => return refuse(format_args!("cannot start: {error}"), ""),
-            };
-            let outcome = runtime.block_on(all_rounds(args, &request, setup));
-            // The thread that reads answers may wait for a line for ever.
-            runtime.shutdown_background();
-            match outcome {
-                Ok(outcome) => exit_code::of(outcome),
-                Err(refusal) => refuse(refusal.what, &refusal.try_this),
-            }
-        }
+    let mut junit = match args.junit.as_deref().map(JunitFile::begin).transpose() {
+        Ok(junit) => junit,
+        Err(refusal) => return refuse(refusal.what, &refusal.try_this),
+    };
+    let outcome = carry_out(args, junit.as_mut());
+    if let (Some(junit), Err(refusal)) = (&mut junit, &outcome) {
+        junit.refused(&refusal.what, &refusal.try_this);
     }
+    let unwritten = junit.and_then(|junit| junit.end().err());
+    if let Some(refusal) = &unwritten {
+        complain(format_args!("ERRORED: {}", refusal.what), &refusal.try_this);
+    }
+    match outcome {
+        // A report that is missing is as bad as a missing record: who reads it would see the run before.
+        Ok(outcome) if unwritten.is_some() => {
+            exit_code::of(Outcome::worst([outcome, Outcome::Errored]).unwrap_or(Outcome::Errored))
+        }
+        Ok(outcome) => exit_code::of(outcome),
+        Err(refusal) => refuse(refusal.what, &refusal.try_this),
+    }
+}
+
+fn carry_out(args: &RunArgs, junit: Option<&mut JunitFile>) -> Result<Outcome, CommandRefusal> {
+    let (request, setup) = prepare(args)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(|error| CommandRefusal::new(format_args!("cannot start: {error}"), ""))?;
+    let outcome = runtime.block_on(all_rounds(args, &request, setup, junit));
+    // The thread that reads answers may wait for a line for ever.
+    runtime.shutdown_background();
+    outcome
 }
 
 /// Returns what the command line asks for, and the bench for it.
@@ -95,16 +111,24 @@ fn at_the_terminal() -> Result<Fixture, CommandRefusal> {
         .map_err(|error| CommandRefusal::new(format!("cannot read from the terminal: {error}"), ""))
 }
 
-async fn all_rounds(args: &RunArgs, request: &RunRequest, setup: Setup) -> Result<Outcome, CommandRefusal> {
+async fn all_rounds(
+    args: &RunArgs,
+    request: &RunRequest,
+    setup: Setup,
+    junit: Option<&mut JunitFile>,
+) -> Result<Outcome, CommandRefusal> {
     let control = RunControl::from_signals()
         .map_err(|error| CommandRefusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
     // The simulated bench ends with this scope.
     let Setup { equipment, simulation: _simulation } = setup;
     let live = Live::default();
-    let mut shown = Shown { events_to_stdout: args.events, control: &control, live: &live, face: None };
+    let mut shown = Shown { events_to_stdout: args.events, control: &control, live: &live, face: None, junit };
     let done = service::run(request, equipment, &control, &live, &mut shown).await.map_err(|error| refusal(&error))?;
     if let Some(refused) = &done.refused {
         complain(with_causes(refused), refused.try_this());
+        if let Some(junit) = shown.junit {
+            junit.refused(&with_causes(refused), refused.try_this());
+        }
     }
     if done.outcomes.len() > 1 {
         face::say(args.events, &format!("{} rounds: {}", done.outcomes.len(), counts(&done.outcomes)));
@@ -130,6 +154,7 @@ struct Shown<'a> {
     control: &'a RunControl,
     live: &'a Live,
     face: Option<Face>,
+    junit: Option<&'a mut JunitFile>,
 }
 
 impl Observer for Shown<'_> {
@@ -142,6 +167,9 @@ impl Observer for Shown<'_> {
     async fn end(&mut self, folder: &Path, ending: &Ending) {
         if let Some(face) = self.face.take() {
             face.join(self.control).await;
+        }
+        if let Some(junit) = &mut self.junit {
+            junit.add(folder, ending);
         }
         if let Some(error) = &ending.store_error {
             complain(
