@@ -3,6 +3,8 @@
 //! The runner emits the events. Every observer (store, screen, text output, replay of a stored journal) folds the same
 //! sequence with [`RunState::apply`](crate::state::RunState::apply), so that all of them agree.
 
+mod schema;
+
 use std::fmt;
 
 use chrono::{DateTime, FixedOffset};
@@ -14,6 +16,8 @@ use crate::details::Details;
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
 use crate::plan::Phase;
+
+pub use schema::events_schema;
 
 /// Version of the events' form. A program that reads a journal compares it first, with [`crate::journal::fold`]. A
 /// later form has a higher number.

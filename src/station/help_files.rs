@@ -32,7 +32,13 @@ pub(crate) fn completions(shell: Shell, mut command: Command) -> ExitCode {
         Shell::Fish => shells::Shell::Fish,
     };
     clap_complete::generate(shell, &mut command, PROGRAM, &mut text);
-    write("the completion", &text)
+    write("the completion", with_one_name(&String::from_utf8_lossy(&text)).as_bytes())
+}
+
+/// The script of clap_complete 4.6.12 for bash spells a program's name with a hyphen in two ways, so that nothing is
+/// offered behind a command.
+fn with_one_name(script: &str) -> String {
+    script.replace(&PROGRAM.replace('-', "__subcmd__"), &PROGRAM.replace('-', "__"))
 }
 
 /// Writes the manual page, or all pages into a folder.

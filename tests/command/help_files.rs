@@ -14,7 +14,7 @@ fn offered(place: &Place, line: &[&str]) -> String {
         function=$(complete -p gnc-station | sed 's/.*-F \\([^ ]*\\).*/\\1/')
         \"$function\" gnc-station \"$word\" \"${COMP_WORDS[COMP_CWORD - 1]}\"
         echo \"${COMPREPLY[@]}\"";
-    let words = ["-c", script, "bash"].iter().chain(line);
+    let words = ["-c", script, "bash"].into_iter().chain(line.iter().copied());
     let output = Command::new("bash").args(words).current_dir(place.path()).output().expect("bash");
     assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).trim().to_owned()
@@ -29,6 +29,7 @@ fn bash_completes_commands_and_options() {
     assert_eq!(offered(&place, &["gnc-station", "records", "l"]), "list");
     assert_eq!(offered(&place, &["gnc-station", "recom"]), "recompute");
     assert_eq!(offered(&place, &["gnc-station", "records", "list", "--js"]), "--json");
+    assert_eq!(offered(&place, &["gnc-station", "compute", "gyro-still", "--dec"]), "--decimal");
     assert_eq!(offered(&place, &["gnc-station", "--jun"]), "--junit");
 }
 
