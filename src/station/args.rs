@@ -1,12 +1,14 @@
 //! Command line arguments for runs and records.
 
+mod list;
+
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use gnc_executive::plan::OnFail;
 use gnc_executive::quantity::{Dimension, Quantity, Unit};
 
-use crate::records::ListArgs;
+pub(crate) use list::ListArgs;
 
 /// What to do with records.
 #[derive(Debug, Subcommand)]

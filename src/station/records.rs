@@ -16,7 +16,6 @@ use gnc_text::printable;
 
 use crate::args::RecordsCommand;
 use crate::refusal::{CommandRefusal, complain, refuse};
-pub(crate) use list::ListArgs;
 pub(crate) use place::RecordsArgs;
 use place::RecordsPlace;
 
@@ -168,7 +167,7 @@ pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, Stor
     }
     let Some(serial_number) = named.to_str() else { return Ok(Vec::new()) };
     let wanted = Wanted { serial_number: Some(serial_number), ..Wanted::default() };
-    Ok(reader::list_wanted(records, wanted)?.into_iter().map(|found| found.path).collect())
+    Ok(reader::wanted(records, wanted)?.map(|found| found.path).collect())
 }
 
 /// The runs that the user named, and the records folder in which they were looked for. A path to a run needs no such

@@ -53,7 +53,7 @@ pub fn events_schema() -> Result<Value, serde_json::Error> {
 /// A field of an event: its name, whether it is always there, and its schema.
 type Field = (&'static str, bool, Value);
 
-fn object(title: &str, description: &str, fields: Vec<Field>) -> Value {
+fn object(title: &str, description: &str, fields: &[Field]) -> Value {
     let required: Vec<&str> = fields.iter().filter(|(_, required, _)| *required).map(|(name, _, _)| *name).collect();
     let properties: Map<String, Value> =
         fields.iter().map(|(name, _, schema)| ((*name).to_owned(), schema.clone())).collect();
@@ -95,7 +95,7 @@ fn event(name: &str, description: &str, fields: Vec<Field>) -> Value {
         ("kind", true, json!({ "const": name })),
     ];
     all.extend(fields);
-    object(name, description, all)
+    object(name, description, &all)
 }
 
 fn shared(name: &str, description: &str) -> Value {
@@ -299,7 +299,7 @@ fn header() -> Value {
         ("selection", true, selection),
         ("loop", true, nullable_shared("Number of this run in a loop; null outside of one.", "loop")),
     ];
-    object("Head of a run", "Who tests what, where, with what.", fields)
+    object("Head of a run", "Who tests what, where, with what.", &fields)
 }
 
 fn planned_item() -> Value {
@@ -308,14 +308,14 @@ fn planned_item() -> Value {
         (
             "id",
             true,
-            json!({ "description": "Which item of the catalogue.", "enum": ItemId::ALL.map(|id| id.as_str()) }),
+            json!({ "description": "Which item of the catalogue.", "enum": ItemId::ALL.map(ItemId::as_str) }),
         ),
         ("title", true, text("Title for people.")),
         ("phase", true, json!({ "description": "Phase of the run.", "enum": ["setup", "test", "teardown"] })),
         ("optional", true, json!({ "description": "Whether the run is complete without it.", "type": "boolean" })),
         ("selected", true, json!({ "description": "Whether this run includes it.", "type": "boolean" })),
     ];
-    object("Planned item", "An item of the plan.", fields)
+    object("Planned item", "An item of the plan.", &fields)
 }
 
 #[cfg(test)]

@@ -199,18 +199,18 @@ impl FoundRun {
 /// # Errors
 /// The folder itself cannot be read.
 pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
-    list_wanted(records, Wanted::default())
+    Ok(wanted(records, Wanted::default())?.collect())
 }
 
-/// The wanted runs below a records folder, oldest first.
+/// The wanted runs below a records folder, oldest first. Each is read when it is asked for: records of calibrations are
+/// long, and a thousand of them would fill the memory.
 ///
 /// # Errors
 /// The folder itself cannot be read.
-pub fn list_wanted(records: &Path, wanted: Wanted<'_>) -> Result<Vec<FoundRun>, StoreError> {
-    let mut runs: Vec<FoundRun> = paths_wanted(records, wanted)?.into_iter().map(found).collect();
+pub fn wanted<'a>(records: &Path, wanted: Wanted<'a>) -> Result<impl Iterator<Item = FoundRun> + use<'a>, StoreError> {
+    let runs = paths_wanted(records, wanted)?.into_iter().map(found);
     // Two serial numbers may share one folder.
-    runs.retain(|run| wanted.serial_number.is_none_or(|serial_number| run.is_of(serial_number)));
-    Ok(runs)
+    Ok(runs.filter(move |run| wanted.serial_number.is_none_or(|serial_number| run.is_of(serial_number))))
 }
 
 /// The folders of all runs below a records folder, oldest first.

@@ -76,6 +76,10 @@ impl<'a> Line<'a> {
         }
     }
 
+    fn write(&self, table: &mut csv::Writer<impl Write>) -> io::Result<()> {
+        table.write_record(self.cells().map(|(_, cell)| cell)).map_err(of_system)
+    }
+
     /// Each field with its name, in the order of the columns.
     fn cells(&self) -> [(&'static str, String); 20] {
         let text = |text: Option<&str>| text.map(safe).unwrap_or_default();
@@ -108,13 +112,21 @@ impl<'a> Line<'a> {
 }
 
 /// Writes the runs as a table with a head.
-pub(super) fn csv<'a>(out: impl Write, lines: impl Iterator<Item = Line<'a>>) -> io::Result<()> {
+pub(super) fn csv(out: impl Write, records: &Path, runs: impl Iterator<Item = FoundRun>) -> io::Result<()> {
     let mut table = csv::Writer::from_writer(out);
-    table.write_record(Line::default().cells().map(|(name, _)| name))?;
-    for line in lines {
-        table.write_record(line.cells().map(|(_, cell)| cell))?;
+    table.write_record(Line::default().cells().map(|(name, _)| name)).map_err(of_system)?;
+    for found in runs {
+        Line::of(&found, records).write(&mut table)?;
     }
     table.flush()
+}
+
+/// The error of the system in an error of the table, so that a reader who has seen enough is known.
+fn of_system(error: csv::Error) -> io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        other => io::Error::other(format!("{other:?}")),
+    }
 }
 
 /// A text that a spreadsheet shows as it is. One that a spreadsheet would calculate or shorten has an apostrophe before
@@ -201,10 +213,9 @@ mod tests {
             serde_json::from_str::<serde_json::Value>(&object).unwrap().as_object().unwrap().len(),
             line.cells().len()
         );
-        let mut out = Vec::new();
-        csv(&mut out, std::iter::once(line)).unwrap();
-        let text = String::from_utf8(out).unwrap();
-        assert!(text.starts_with("run,state,outcome,serial_number,plan,"), "{text}");
+        let mut table = csv::Writer::from_writer(Vec::new());
+        line.write(&mut table).unwrap();
+        let text = String::from_utf8(table.into_inner().unwrap()).unwrap();
         assert!(text.contains("\"a,\"\"b\"\"\nc\""), "{text}");
     }
 }
