@@ -95,7 +95,7 @@ fn header(job: &Job) -> RunHeader {
         serial_number: "F-1".to_owned(),
         operator: None,
         station: "fuzz".to_owned(),
-        program: ProgramVersion { name: "fuzz".to_owned(), version: String::new() },
+        program: ProgramVersion { name: "fuzz".to_owned(), version: String::new(), build: None },
         bench: BenchInfo::real(),
         site: None,
         plan: PlanInfo { name: plan.name.clone(), version: plan.version.clone(), sha256: String::new() },

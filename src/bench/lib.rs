@@ -3,6 +3,7 @@
 //! Procedures measure and never judge. Only the runner acts, and it passes an event on only after the record has it.
 //! The crate does not know the command line and the screen: they call the [`service`] and watch.
 
+pub mod clock;
 pub mod control;
 pub mod fixture;
 pub mod guidance;

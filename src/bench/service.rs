@@ -11,10 +11,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use chrono::{DateTime, FixedOffset, Local};
+use chrono::{DateTime, FixedOffset};
 use gnc_config::Mistakes;
 use gnc_executive::bench::BenchSite;
-use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader, events_schema};
+use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader, events_form};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
@@ -24,9 +24,11 @@ use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::resume::{Like, ResumeError, Resumed};
 use gnc_records::standing::{self, PlanAsked, Question, Standing};
+use gnc_records::store::reader;
 use gnc_records::store::{RecordWriter, RunFolder, StationKey, StoreError, Watcher, seal_interrupted};
 use tokio::time::Instant;
 
+use crate::clock::{self, ClockError};
 use crate::control::RunControl;
 use crate::fixture::Fixture;
 use crate::journal::RunJournal;
@@ -57,6 +59,8 @@ pub struct Equipment {
     pub site: Option<BenchSite>,
     /// What the serial number of each module must match on this bench.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Whether a person says that the clock is right, whatever speaks against it.
+    pub clock_is_right: bool,
 }
 
 /// A request for a run or for several rounds of it.
@@ -158,6 +162,9 @@ pub enum ServiceError {
         /// What the records say of the module by the plan that is required.
         standing: Box<Standing>,
     },
+    /// The clock is wrong, so the record would have a wrong date.
+    #[error(transparent)]
+    Clock(#[from] ClockError),
     /// There is no place for the record.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -172,6 +179,7 @@ impl ServiceError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Resume(error) => error.try_this(),
+            Self::Clock(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
             Self::Requires { .. } => {
                 "run that plan on this module first; the whole plan must pass, on a bench like this one"
@@ -246,12 +254,24 @@ struct Ready {
     order: RunOrder,
     records: PathBuf,
     key: Option<StationKey>,
+    clock_is_right: bool,
 }
 
 impl Ready {
     fn open(request: &RunRequest, equipment: Equipment) -> Result<Self, ServiceError> {
-        let Equipment { station, records, key, bench, target, can, abilities, fixture, site, serial_number } =
-            equipment;
+        let Equipment {
+            station,
+            records,
+            key,
+            bench,
+            target,
+            can,
+            abilities,
+            fixture,
+            site,
+            serial_number,
+            clock_is_right,
+        } = equipment;
         for (of, pattern) in [("bench", &serial_number), ("plan", &request.plan.plan().serial_number)] {
             if let Some(pattern) = pattern.as_ref().filter(|pattern| !pattern.fits(&request.serial_number)) {
                 let (serial_number, pattern) = (request.serial_number.clone(), pattern.to_string());
@@ -264,7 +284,7 @@ impl Ready {
         }
         let job = Job::new(plan, abilities, request.selection.as_deref())?;
         let mut header = RunHeader {
-            schema: events_schema(request.selection.as_deref()).to_owned(),
+            schema: events_form(request.selection.as_deref()).to_owned(),
             serial_number: request.serial_number.clone(),
             operator: request.operator.clone(),
             station,
@@ -283,13 +303,13 @@ impl Ready {
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
         let found = seal_interrupted(&records, key.as_ref());
         let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
-        Ok(Self { order, records, key })
+        Ok(Self { order, records, key, clock_is_right })
     }
 
     /// Looks for a valid pass of each plan that must come before.
     fn check_required(request: &RunRequest, records: &Path, bench: BenchKind) -> Result<(), ServiceError> {
         let (plan, serial_number) = (request.plan.plan(), request.serial_number.as_str());
-        let (valid_days, now) = (plan.valid_days, request.began.unwrap_or_else(|| Local::now().fixed_offset()));
+        let (valid_days, now) = (plan.valid_days, request.began.unwrap_or_else(|| clock::now()));
         for required in &plan.requires_plan {
             let question = Question { serial_number, plan: PlanAsked::Named(required), valid_days, bench, now };
             let standing = standing::read(records, &question)?;
@@ -308,9 +328,12 @@ impl Ready {
         live: &Live,
         observer: &mut impl Observer,
     ) -> Result<Ending, ServiceError> {
-        let Self { order, records, key } = self;
+        let Self { order, records, key, clock_is_right } = self;
         let plan = order.job.plan();
-        let at = dated.unwrap_or_else(|| Local::now().fixed_offset());
+        let at = dated.unwrap_or_else(clock::now);
+        if !*clock_is_right {
+            clock::check(at, order.header.program.build.as_ref(), reader::newest_day(records))?;
+        }
         // Create the folder before power-on, so that a module is not tested without a place for its record.
         let folder = RunFolder::create(records, at, &order.header.serial_number, &plan.name)?.signed_with(key.clone());
         let path = folder.path().to_owned();

@@ -3,6 +3,10 @@
 //! The runner emits the events. Every observer (store, screen, text output, replay of a stored journal) folds the same
 //! sequence with [`RunState::apply`](crate::state::RunState::apply), so that all of them agree.
 
+mod schema;
+
+use std::fmt;
+
 use chrono::{DateTime, FixedOffset};
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +18,8 @@ use crate::outcome::{Cause, Outcome};
 use crate::plan::Phase;
 use crate::verdict::Verdict;
 
+pub use schema::events_schema;
+
 /// Version of the events' form for a run of a whole plan. A program that reads a journal compares it first, with
 /// [`crate::journal::fold`]. A later form has a higher number.
 pub const EVENTS_SCHEMA: &str = "gnc-events/1";
@@ -23,7 +29,7 @@ pub const EVENTS_SCHEMA: &str = "gnc-events/1";
 pub const SELECTION_SCHEMA: &str = "gnc-events/2";
 
 /// The version of the events' form that a run needs, by its chosen items.
-pub fn events_schema(selection: Option<&[String]>) -> &'static str {
+pub fn events_form(selection: Option<&[String]>) -> &'static str {
     if selection.is_some() { SELECTION_SCHEMA } else { EVENTS_SCHEMA }
 }
 
@@ -208,6 +214,33 @@ pub struct ProgramVersion {
     pub name: String,
     /// Its version.
     pub version: String,
+    /// The sources that it was built from; absent if they are not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub build: Option<BuildInfo>,
+}
+
+/// The sources of a program.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BuildInfo {
+    /// The commit, as hexadecimal digits.
+    pub commit: String,
+    /// When it was made.
+    pub committed: DateTime<FixedOffset>,
+    /// Whether the sources had changes that were not committed.
+    pub modified: bool,
+}
+
+/// Digits of a commit in a text for people.
+const SHOWN_DIGITS: usize = 12;
+
+impl fmt::Display for ProgramVersion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.name, self.version)?;
+        let Some(BuildInfo { commit, committed, modified }) = &self.build else { return Ok(()) };
+        let commit: String = commit.chars().take(SHOWN_DIGITS).collect();
+        let changed = if *modified { ", and changes that are not committed" } else { "" };
+        write!(f, " (commit {commit} of {}{changed})", committed.format("%F"))
+    }
 }
 
 /// The bench of a run.

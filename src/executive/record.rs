@@ -324,4 +324,4 @@ fn seconds(us: u64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

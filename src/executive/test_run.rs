@@ -92,7 +92,7 @@ pub(crate) fn header() -> RunHeader {
         serial_number: "DEMO-1".to_owned(),
         operator: Some("Li Wei".to_owned()),
         station: "line-2".to_owned(),
-        program: ProgramVersion { name: "gnc-station".to_owned(), version: "0.1.0".to_owned() },
+        program: ProgramVersion { name: "gnc-station".to_owned(), version: "0.1.0".to_owned(), build: None },
         bench: BenchInfo { port: Some("/dev/ttyUSB0".to_owned()), rate_bps: Some(921_600), ..BenchInfo::real() },
         plan: PlanInfo { name: "small".to_owned(), version: "1.0".to_owned(), sha256: "00".repeat(32) },
         site: None,

@@ -52,9 +52,16 @@ pub fn failing_rows(record: &RunRecord) -> String {
     let mut out = String::new();
     for item in record.items.iter().filter(|item| is_bad(item.outcome)) {
         let _ = writeln!(out, "{} {}", printable(&item.name), words(item.outcome));
-        if let Some(attempt) = item.last_attempt() {
-            failing_attempt(&mut out, item, attempt);
-        }
+        out.push_str(&failing_item(item));
+    }
+    out
+}
+
+/// The rows of an item's measurements that are not good, and its error; empty if there are none.
+pub fn failing_item(item: &ItemRecord) -> String {
+    let mut out = String::new();
+    if let Some(attempt) = item.last_attempt() {
+        failing_attempt(&mut out, item, attempt);
     }
     out
 }

@@ -3,6 +3,7 @@
 //! No other crate opens a file in the records folder. This crate knows no board and no link: it takes events and
 //! samples, writes files, and reads files back.
 
+pub mod junit;
 pub mod passport;
 pub mod raw;
 pub mod report;

@@ -91,7 +91,7 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
         ("Site", record.bench.site.clone()),
         ("Slave board", board.map(|board| format!("{}, firmware {}", board.board_serial, board.firmware))),
         ("Link", board.map(|board| board.link.clone())),
-        ("Program", Some(format!("{} {}", record.program.name, record.program.version))),
+        ("Program", Some(record.program.to_string())),
         ("Began", Some(record.started.to_rfc3339())),
         ("Ended", record.finished.map(|at| at.to_rfc3339())),
         ("Took", Some(duration(record.elapsed_s))),

@@ -20,8 +20,7 @@ use std::path::{Path, PathBuf};
 
 use gnc_executive::state::OutOfOrder;
 
-pub(crate) use closing::goes_on;
-pub use closing::{pretty, seal_interrupted};
+pub use closing::{goes_on, pretty, seal_interrupted};
 pub use folder::RunFolder;
 pub use key::{KeyError, PublicKey, StationKey};
 pub use raw::RawFile;

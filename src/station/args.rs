@@ -1,5 +1,7 @@
 //! Command line arguments for runs and records.
 
+mod list;
+
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -8,11 +10,13 @@ use gnc_executive::quantity::{Dimension, Quantity, Unit};
 
 use crate::exit_code::Strictness;
 
+pub(crate) use list::ListArgs;
+
 /// What to do with records.
 #[derive(Debug, Subcommand)]
 pub(crate) enum RecordsCommand {
-    /// Lists all runs, oldest first.
-    List,
+    /// Lists runs, oldest first; by default all.
+    List(ListArgs),
     /// Shows a run.
     Show {
         /// The run's folder (a path from here, or below the records folder), or a serial number for its newest run.
@@ -116,12 +120,18 @@ pub(crate) struct RunArgs {
     /// Ends with exit code 6 instead of 0 if the module is marginal.
     #[arg(long)]
     pub strict: bool,
+    /// Runs even if the clock is before the date of this program or of the newest record.
+    #[arg(long)]
+    pub clock_is_right: bool,
     /// Runs one item after the other, even where the plan lets items run at the same time.
     #[arg(long)]
     pub one_by_one: bool,
     /// Writes the events as JSON lines to standard output, and all text for people to standard error.
     #[arg(long, requires = "auto")]
     pub events: bool,
+    /// Writes the runs as JUnit XML for a CI server: a suite for each run, a case for each item.
+    #[arg(long, value_name = "FILE", requires = "auto")]
+    pub junit: Option<PathBuf>,
 }
 
 impl RunArgs {

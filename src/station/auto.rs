@@ -4,6 +4,7 @@
 //! stopped terminal never stops a test.
 
 mod face;
+mod junit;
 
 use std::io::{self, IsTerminal as _};
 use std::path::Path;
@@ -14,7 +15,6 @@ use gnc_bench::control::RunControl;
 use gnc_bench::fixture::{Fixture, Operator};
 use gnc_bench::runner::{Ending, Live};
 use gnc_bench::service::{self, Observer, Rounds, RunRequest, ServiceError};
-use gnc_executive::event::ProgramVersion;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
@@ -25,30 +25,44 @@ use crate::args::RunArgs;
 use crate::hook::Hooks;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::setup::{self, BenchHabits, Setup};
+pub(crate) use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
+use junit::JunitFile;
 
 /// Largest number of events that wait for a blocked terminal: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;
 
 /// Runs the plan as often as asked. The worst outcome decides the exit code.
 pub(crate) fn run(args: &RunArgs) -> ExitCode {
-    match prepare(args) {
-        Err(refusal) => refuse(refusal.what, &refusal.try_this),
-        Ok((request, setup, habits)) => {
-            let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
-                Ok(runtime) => runtime,
-                Err(error) => return refuse(format_args!("cannot start: {error}"), ""),
-            };
-            let verdict = runtime.block_on(all_rounds(args, &request, setup, &habits));
-            // The thread that reads answers may wait for a line for ever.
-            runtime.shutdown_background();
-            match verdict {
-                Ok(verdict) => exit_code::of(verdict, args.strictness()),
-                Err(refusal) => refuse(refusal.what, &refusal.try_this),
-            }
-        }
+    let mut junit = match args.junit.as_deref().map(JunitFile::begin).transpose() {
+        Ok(junit) => junit,
+        Err(refusal) => return refuse(refusal.what, &refusal.try_this),
+    };
+    let verdict = carry_out(args, junit.as_mut());
+    if let (Some(junit), Err(refusal)) = (&mut junit, &verdict) {
+        junit.refused(&refusal.what, &refusal.try_this);
     }
+    let unwritten = junit.and_then(|junit| junit.end().err());
+    if let Some(refusal) = &unwritten {
+        complain(format_args!("ERRORED: {}", refusal.what), &refusal.try_this);
+    }
+    match verdict {
+        // A report that is missing is as bad as a missing record: who reads it would see the run before.
+        Ok(verdict) if unwritten.is_some() => exit_code::of(verdict.at_least(Outcome::Errored), args.strictness()),
+        Ok(verdict) => exit_code::of(verdict, args.strictness()),
+        Err(refusal) => refuse(refusal.what, &refusal.try_this),
+    }
+}
+
+fn carry_out(args: &RunArgs, junit: Option<&mut JunitFile>) -> Result<Verdict, CommandRefusal> {
+    let (request, setup, habits) = prepare(args)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(|error| CommandRefusal::new(format_args!("cannot start: {error}"), ""))?;
+    let verdict = runtime.block_on(all_rounds(args, &request, setup, &habits, junit));
+    // The thread that reads answers may wait for a line for ever.
+    runtime.shutdown_background();
+    verdict
 }
 
 /// Returns what the command line asks for, and the bench for it.
@@ -104,6 +118,7 @@ async fn all_rounds(
     request: &RunRequest,
     setup: Setup,
     habits: &BenchHabits,
+    junit: Option<&mut JunitFile>,
 ) -> Result<Verdict, CommandRefusal> {
     let control = RunControl::from_signals()
         .map_err(|error| CommandRefusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
@@ -122,6 +137,7 @@ async fn all_rounds(
         live: &live,
         hooks,
         face: None,
+        junit,
     };
     let (records, bench) = (equipment.records.clone(), equipment.bench.kind);
     let done = match service::run(request, equipment, &control, &live, &mut shown).await {
@@ -140,6 +156,9 @@ async fn all_rounds(
     }
     if let Some(refused) = &done.refused {
         complain(with_causes(refused), refused.try_this());
+        if let Some(junit) = shown.junit {
+            junit.refused(&with_causes(refused), refused.try_this());
+        }
     }
     if done.verdicts.len() > 1 {
         face::say(args.events, &format!("{} rounds: {}", done.verdicts.len(), counts(&done.verdicts)));
@@ -176,6 +195,7 @@ struct Shown<'a> {
     live: &'a Live,
     hooks: Option<Hooks>,
     face: Option<Face>,
+    junit: Option<&'a mut JunitFile>,
 }
 
 impl Observer for Shown<'_> {
@@ -188,6 +208,9 @@ impl Observer for Shown<'_> {
     async fn end(&mut self, folder: &Path, ending: &Ending) {
         if let Some(face) = self.face.take() {
             face.join(self.control).await;
+        }
+        if let Some(junit) = &mut self.junit {
+            junit.add(folder, ending);
         }
         if let Some(error) = &ending.store_error {
             complain(
@@ -205,9 +228,4 @@ impl Observer for Shown<'_> {
             complain(why, "");
         }
     }
-}
-
-/// This program, as records name it.
-pub(crate) fn program() -> ProgramVersion {
-    ProgramVersion { name: env!("CARGO_PKG_NAME").to_owned(), version: env!("CARGO_PKG_VERSION").to_owned() }
 }

@@ -3,10 +3,13 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 use crate::args::{RecordsCommand, RunArgs};
 use crate::exit_code::USAGE;
+use crate::help_files::{self, Shell};
+use crate::records::RecordsArgs;
+use crate::version;
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -21,7 +24,7 @@ Of several rounds the worst counts: 4, 3, 1, 5, 6, 0.";
 
 /// Production test station for GNC modules. Without a command and without --auto it opens the operator's screen.
 #[derive(Debug, Parser)]
-#[command(name = "gnc-station", version, args_conflicts_with_subcommands = true, after_help = EXIT_CODES)]
+#[command(name = "gnc-station", version = version::SHOWN, args_conflicts_with_subcommands = true, after_help = EXIT_CODES)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
@@ -63,9 +66,8 @@ enum Command {
         /// Judges the run by this plan instead, and writes the result to a new folder beside the run.
         #[arg(long, value_name = "FILE")]
         plan: Option<PathBuf>,
-        /// The records folder.
-        #[arg(long, value_name = "DIR", default_value = "records")]
-        records: PathBuf,
+        #[command(flatten)]
+        records: RecordsArgs,
     },
     /// Writes the raw samples of a run as tables, for programs that do not read MCAP.
     Export {
@@ -77,17 +79,26 @@ enum Command {
         /// The folder to create for the tables; by default RUN-export in the current folder.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// The records folder.
-        #[arg(long, value_name = "DIR", default_value = "records")]
-        records: PathBuf,
+        #[command(flatten)]
+        records: RecordsArgs,
     },
     /// Lists, shows and verifies the records of runs.
     Records {
         #[command(subcommand)]
         what: RecordsCommand,
-        /// The records folder.
-        #[arg(long, value_name = "DIR", default_value = "records", global = true)]
-        records: PathBuf,
+        #[command(flatten)]
+        records: RecordsArgs,
+    },
+    /// Writes the completion of commands and options for a shell to standard output.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+    /// Writes the manual page to standard output.
+    Man {
+        /// Writes the pages of all commands as files into this folder instead.
+        #[arg(long, value_name = "DIR")]
+        dir: Option<PathBuf>,
     },
 }
 
@@ -130,6 +141,8 @@ pub fn main() -> ExitCode {
             crate::export::run(&run, &records, format, out.as_deref())
         }
         Some(Command::Records { what, records }) => crate::records::run(&what, &records),
+        Some(Command::Completions { shell }) => help_files::completions(shell, Cli::command()),
+        Some(Command::Man { dir }) => help_files::man(Cli::command(), dir.as_deref()),
         None if cli.run.auto.is_some() => crate::auto::run(&cli.run),
         None => crate::tui::run(&cli.run),
     }

@@ -18,7 +18,7 @@ use gnc_records::store::{StoreError, on};
 use gnc_text::{printable, with_causes};
 
 use self::table::{SampleTable, TableKind};
-use crate::records;
+use crate::records::{self, RecordsArgs};
 use crate::refusal::{complain, refuse};
 
 /// The form of an export.
@@ -69,8 +69,8 @@ impl ExportError {
 }
 
 /// Writes the raw samples of a run into a folder of their own; the record itself is not touched.
-pub(crate) fn run(run: &Path, folder: &Path, format: Format, out: Option<&Path>) -> ExitCode {
-    let folder = match records::one(folder, run) {
+pub(crate) fn run(run: &Path, within: &RecordsArgs, format: Format, out: Option<&Path>) -> ExitCode {
+    let folder = match records::one(within, run) {
         Ok(folder) => folder,
         Err(refused) => return refused,
     };

@@ -13,6 +13,7 @@ mod doctor;
 mod exit_code;
 mod export;
 mod files;
+mod help_files;
 mod hook;
 mod ports;
 mod recompute;
@@ -21,6 +22,7 @@ mod refusal;
 mod serial_number;
 mod setup;
 mod tui;
+mod version;
 
 pub use tui::{Lang, Scene};
 

@@ -16,6 +16,7 @@ use gnc_executive::state::RunState;
 use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StoreError, digest, reader};
 use gnc_text::{printable, with_causes};
 
+use crate::records::RecordsArgs;
 use crate::refusal::{complain, refuse};
 use crate::{exit_code, files, records};
 use again::Again;
@@ -33,7 +34,7 @@ Exit codes without --plan:
 Exit codes with --plan: those of a run, by the verdict under that plan.";
 
 /// Judges a run again; with another plan into a new folder beside it.
-pub(crate) fn run(run: &Path, within: &Path, plan: Option<&Path>) -> ExitCode {
+pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<&Path>) -> ExitCode {
     let folder = match records::one(within, run) {
         Ok(folder) => folder,
         Err(refused) => return refused,

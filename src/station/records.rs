@@ -1,27 +1,33 @@
 //! `gnc-station records`: lists, shows and verifies runs.
 
+mod list;
+mod place;
+
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_executive::record::RunRecord;
 use gnc_executive::text;
-use gnc_records::standing::{Seal, Seals};
-use gnc_records::store::{PublicKey, StationKey, StoreError, chain, reader};
+use gnc_records::standing::Seal;
+use gnc_records::store::reader::{self, Wanted};
+use gnc_records::store::{PublicKey, StationKey, StoreError, chain};
 use gnc_text::printable;
 
 use crate::args::RecordsCommand;
 use crate::refusal::{CommandRefusal, complain, refuse};
+pub(crate) use place::RecordsArgs;
+use place::RecordsPlace;
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
 
-pub(crate) fn run(what: &RecordsCommand, records: &Path) -> ExitCode {
+pub(crate) fn run(what: &RecordsCommand, records: &RecordsArgs) -> ExitCode {
     let done = match what {
-        RecordsCommand::List => list(records),
-        RecordsCommand::Show { run } => resolve(records, run).map(|folders| match folders.last() {
+        RecordsCommand::List(args) => records.find().map(|place| list::list(&place, args)),
+        RecordsCommand::Show { run } => resolve_in(records, run).map(|(folders, place)| match folders.last() {
             Some(newest) => show(newest),
-            None => no_such(run),
+            None => no_such(run, place.as_ref()),
         }),
         RecordsCommand::Verify { runs, key } => match key.as_deref().map(PublicKey::read).transpose() {
             Ok(key) => verify(records, runs, key.as_ref()),
@@ -29,7 +35,7 @@ pub(crate) fn run(what: &RecordsCommand, records: &Path) -> ExitCode {
         },
         RecordsCommand::Key { file } => return make_key(file),
     };
-    done.unwrap_or_else(|error| refuse(gnc_text::with_causes(&error), error.try_this()))
+    done.unwrap_or_else(|refusal| refuse(refusal.what, &refusal.try_this))
 }
 
 fn make_key(file: &Path) -> ExitCode {
@@ -48,43 +54,14 @@ fn make_key(file: &Path) -> ExitCode {
     }
 }
 
-fn list(records: &Path) -> Result<ExitCode, StoreError> {
-    let mut out = std::io::stdout().lock();
-    let runs = reader::list(records)?;
-    if runs.is_empty() {
-        let _ = writeln!(out, "no run is recorded in {}", records.display());
-    }
-    let mut seals = Seals::new(records);
-    for found in runs {
-        let place = found.path.strip_prefix(records).unwrap_or(&found.path).display().to_string();
-        let line = match &found.run {
-            Ok(run) => {
-                // The word for a run that is not closed stands before.
-                let kept = if found.sealed { seals.seal(&found.path)? } else { Seal::Chained };
-                summary(run, found.sealed, kept)
-            }
-            Err(error) => {
-                let word = if error.is_newer() { "newer" } else { "unreadable" };
-                format!("{word:<12}{}", printable(&gnc_text::with_causes(error)))
-            }
-        };
-        let _ = writeln!(out, "{line}  {place}");
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-fn summary(run: &RunRecord, sealed: bool, kept: Seal) -> String {
-    let outcome = match run.interrupted {
-        true => "interrupted",
-        false if !sealed => "unsealed",
-        false => run.verdict.as_str(),
-    };
+/// The line of a run, with the word for its outcome or state, and how its record is kept.
+fn summary(word: &str, run: &RunRecord, kept: Seal) -> String {
     let mut remarks: String = text::caveats(run).iter().map(|caveat| format!(" {caveat}")).collect();
     if let Seal::Flawed(flaw) = kept {
         remarks.push_str(&format!(" {}", flaw.words().unwrap_or_default()));
     }
-    let serial_number = printable(&run.serial_number);
-    format!("{outcome:<12}{}  {serial_number:<16} {:<12}{remarks:<20}", run.started.format("%F %T"), run.plan.name)
+    let (serial_number, plan) = (printable(&run.serial_number), printable(&run.plan.name));
+    format!("{word:<12}{}  {serial_number:<16} {plan:<12}{remarks:<20}", run.started.format("%F %T"))
 }
 
 fn show(folder: &Path) -> ExitCode {
@@ -97,26 +74,34 @@ fn show(folder: &Path) -> ExitCode {
     }
 }
 
-fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<ExitCode, StoreError> {
-    let folders: Vec<PathBuf> = if runs.is_empty() {
-        reader::list(records)?.into_iter().map(|found| found.path).collect()
-    } else {
-        let mut folders = Vec::new();
-        for run in runs {
-            let named = resolve(records, run)?;
-            if named.is_empty() {
-                return Ok(no_such(run));
-            }
-            folders.extend(named);
-        }
-        folders
-    };
-    let (mut bad, mut newer) = (0, 0);
+fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<ExitCode, CommandRefusal> {
     let mut out = std::io::stdout().lock();
+    let all = if runs.is_empty() { Some(records.find()?) } else { None };
+    let folders = match &all {
+        Some(place) => reader::paths(&place.path).map_err(|error| store_refusal(&error))?,
+        None => {
+            let mut folders = Vec::new();
+            for run in runs {
+                let (named, place) = resolve_in(records, run)?;
+                if named.is_empty() {
+                    return Ok(no_such(run, place.as_ref()));
+                }
+                folders.extend(named);
+            }
+            folders
+        }
+    };
+    let (mut bad, mut newer, mut running) = (0, 0, 0);
     for folder in &folders {
         let mut found = reader::check(folder);
+        let place = folder.display();
+        if found.running {
+            running += 1;
+            let _ = writeln!(out, "{place}: running: its record can be verified when the run has ended");
+            continue;
+        }
         found.problems.extend(key.and_then(|key| reader::verify_signature(folder, key)));
-        let (whole, place) = (found.problems.is_empty(), folder.display());
+        let whole = found.problems.is_empty();
         let _ = match &found.newer {
             Some(why) if whole => {
                 writeln!(out, "{place}: {why}: its digests agree, but this version cannot compare its journal")
@@ -131,9 +116,10 @@ fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<E
         bad += usize::from(!whole);
         newer += usize::from(whole && found.newer.is_some());
     }
-    let _ = writeln!(out, "{} of {} runs are as written", folders.len() - bad - newer, folders.len());
-    if runs.is_empty() {
-        bad += along_the_chain(records, &mut out)?;
+    let (whole, ended) = (folders.len() - bad - newer - running, folders.len() - running);
+    let _ = writeln!(out, "{whole} of {ended} runs are as written");
+    if let Some(place) = &all {
+        bad += along_the_chain(&place.path, &mut out).map_err(|error| store_refusal(&error))?;
     }
     if bad > 0 {
         let try_this = "test the module of an interrupted run again; restore changed files from a backup";
@@ -145,6 +131,10 @@ fn verify(records: &Path, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<E
             "a newer version of the station wrote {newer} of these records: this version found nothing wrong, but cannot check all of them"
         );
         return Ok(refuse(what, "verify them with that version, or a later one"));
+    }
+    // Who verifies all runs of a station that works gets no alarm; who names a run wants to know about that one.
+    if running > 0 && all.is_none() {
+        return Ok(refuse(format_args!("{running} of these runs go on"), "verify them when they have ended"));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -172,8 +162,24 @@ pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, Stor
     if let Some(folder) = [named.to_owned(), records.join(named)].into_iter().find(|folder| reader::is_run(folder)) {
         return Ok(vec![folder]);
     }
-    let of_module = |found: &reader::FoundRun| named.to_str().is_some_and(|named| found.is_of(named));
-    Ok(reader::list(records)?.into_iter().filter(of_module).map(|found| found.path).collect())
+    let Some(serial_number) = named.to_str() else { return Ok(Vec::new()) };
+    let wanted = Wanted { serial_number: Some(serial_number), ..Wanted::default() };
+    Ok(reader::wanted(records, wanted)?.map(|found| found.path).collect())
+}
+
+/// The runs that the user named, and the records folder in which they were looked for. A path to a run needs no such
+/// folder, and no bench file.
+fn resolve_in(records: &RecordsArgs, named: &Path) -> Result<(Vec<PathBuf>, Option<RecordsPlace>), CommandRefusal> {
+    if reader::is_run(named) {
+        return Ok((vec![named.to_owned()], None));
+    }
+    let place = records.find()?;
+    let runs = resolve(&place.path, named).map_err(|error| store_refusal(&error))?;
+    Ok((runs, Some(place)))
+}
+
+fn store_refusal(error: &StoreError) -> CommandRefusal {
+    CommandRefusal::new(gnc_text::with_causes(error), error.try_this())
 }
 
 /// The one run that the user named.
@@ -181,11 +187,11 @@ pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, Stor
 /// # Errors
 /// Returns the exit code, after a message to the user: no run has this name, several have it, or the records cannot be
 /// read.
-pub(crate) fn one(records: &Path, named: &Path) -> Result<PathBuf, ExitCode> {
-    match resolve(records, named) {
-        Err(error) => Err(refuse(gnc_text::with_causes(&error), error.try_this())),
-        Ok(mut runs) if runs.len() <= 1 => runs.pop().ok_or_else(|| no_such(named)),
-        Ok(runs) => {
+pub(crate) fn one(records: &RecordsArgs, named: &Path) -> Result<PathBuf, ExitCode> {
+    match resolve_in(records, named) {
+        Err(refusal) => Err(refuse(refusal.what, &refusal.try_this)),
+        Ok((mut runs, place)) if runs.len() <= 1 => runs.pop().ok_or_else(|| no_such(named, place.as_ref())),
+        Ok((runs, _)) => {
             let what = format!("there are {} runs of {}", runs.len(), printable(&named.to_string_lossy()));
             Err(refuse(what, "name one by its folder; `gnc-station records list` shows them"))
         }
@@ -197,8 +203,7 @@ pub(crate) fn one(records: &Path, named: &Path) -> Result<PathBuf, ExitCode> {
 /// # Errors
 /// No run has this name, several have it, or the folder cannot be read.
 pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, CommandRefusal> {
-    let mut runs = resolve(records, named)
-        .map_err(|error| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this()))?;
+    let mut runs = resolve(records, named).map_err(|error| store_refusal(&error))?;
     let shown = gnc_text::quoted(&named.to_string_lossy());
     let what = match runs.len() {
         0 => format!("there is no run {shown}"),
@@ -208,7 +213,8 @@ pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, Command
     Err(CommandRefusal::new(what, "name one by its folder; `gnc-station records list` shows them"))
 }
 
-pub(crate) fn no_such(named: &Path) -> ExitCode {
-    let what = format!("there is no run {}", printable(&named.to_string_lossy()));
+fn no_such(named: &Path, place: Option<&RecordsPlace>) -> ExitCode {
+    let within = place.map(|place| format!(" in {}", place.in_words())).unwrap_or_default();
+    let what = format!("there is no run {}{within}", printable(&named.to_string_lossy()));
     refuse(what, "name a run's folder or a serial number; `gnc-station records list` shows the runs")
 }

@@ -58,6 +58,8 @@ pub(crate) struct CheckedBench {
     pub serial_number: Option<SerialNumberPattern>,
     /// The scanner at a serial port, if there is one.
     pub scanner: Option<ScannerSettings>,
+    /// Whether a person says that the clock is right.
+    clock_is_right: bool,
     site: Option<BenchSite>,
     kind: Kind,
 }
@@ -148,6 +150,7 @@ impl CheckedBench {
                     fixture,
                     site: self.site.clone(),
                     serial_number: self.serial_number.clone(),
+                    clock_is_right: self.clock_is_right,
                 };
                 Ok(Setup { equipment, simulation: None })
             }
@@ -254,6 +257,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         abilities: abilities(&file, true),
         text: Some(text),
         habits: BenchHabits::of(&file, path.parent()),
+        clock_is_right: args.clock_is_right,
         kind: Kind::Real(Box::new(Lines { key: key(&file, path.parent())?, target, can })),
         serial_number: file.serial_number,
         scanner: file.scanner,
@@ -306,6 +310,10 @@ fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, Co
 
 /// Returns the records folder. A relative path in a bench file starts at the folder of that file.
 fn records(args: &RunArgs, file: &BenchFile, folder: Option<&Path>) -> PathBuf {
-    let named = file.records.as_ref().map(|records| folder.unwrap_or_else(|| Path::new("")).join(records));
-    args.records.clone().or(named).unwrap_or_else(|| RECORDS.into())
+    args.records.clone().or_else(|| records_of(file, folder)).unwrap_or_else(|| RECORDS.into())
+}
+
+/// The records folder that a bench file names. A relative path starts at the folder of that file.
+pub(crate) fn records_of(file: &BenchFile, folder: Option<&Path>) -> Option<PathBuf> {
+    file.records.as_ref().map(|records| folder.unwrap_or_else(|| Path::new("")).join(records))
 }

@@ -46,6 +46,7 @@ pub(super) fn order(
         program: ProgramVersion {
             name: env!("CARGO_PKG_NAME").to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            build: None,
         },
         on_fail: None,
         rounds: Rounds::Once,
@@ -65,6 +66,7 @@ pub(super) fn order(
         fixture,
         site: file.site,
         serial_number: None,
+        clock_is_right: false,
     };
     Ok(Ordered { request, equipment })
 }

@@ -144,8 +144,8 @@ fn validate(record: &Value) {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
-/// The part of JSON Schema that our schema uses. An unknown keyword is a problem, so that every keyword is checked.
-fn problems(root: &Value, schema: &Value, value: &Value, path: &str) -> Vec<String> {
+/// The part of JSON Schema that our schemas use. An unknown keyword is a problem, so that every keyword is checked.
+pub(crate) fn problems(root: &Value, schema: &Value, value: &Value, path: &str) -> Vec<String> {
     let mut found = Vec::new();
     for (keyword, rule) in schema.as_object().unwrap() {
         let ok = match keyword.as_str() {
@@ -172,8 +172,13 @@ fn problems(root: &Value, schema: &Value, value: &Value, path: &str) -> Vec<Stri
             "const" => rule == value,
             "minimum" => value.as_f64().is_none_or(|number| number >= rule.as_f64().unwrap()),
             "pattern" => {
-                assert_eq!(rule.as_str().unwrap(), "^[0-9a-f]{64}$");
-                let hex = |text: &str| text.len() == 64 && text.bytes().all(|b| b"0123456789abcdef".contains(&b));
+                let lengths: &[usize] = match rule.as_str().unwrap() {
+                    "^[0-9a-f]{64}$" => &[64],
+                    "^([0-9a-f]{40}|[0-9a-f]{64})$" => &[40, 64],
+                    other => panic!("pattern {other}"),
+                };
+                let is_hex = |text: &str| text.bytes().all(|b| b"0123456789abcdef".contains(&b));
+                let hex = |text: &str| lengths.contains(&text.len()) && is_hex(text);
                 value.as_str().is_none_or(hex)
             }
             "required" => {
@@ -200,6 +205,13 @@ fn problems(root: &Value, schema: &Value, value: &Value, path: &str) -> Vec<Stri
                 true
             }
             "anyOf" => rule.as_array().unwrap().iter().any(|option| problems(root, option, value, path).is_empty()),
+            "oneOf" => {
+                let fits = |option: &&Value| problems(root, option, value, path).is_empty();
+                rule.as_array().unwrap().iter().filter(fits).count() == 1
+            }
+            "maximum" => value.as_f64().is_none_or(|number| number <= rule.as_f64().unwrap()),
+            "minItems" => value.as_array().is_none_or(|values| values.len() as u64 >= rule.as_u64().unwrap()),
+            "maxItems" => value.as_array().is_none_or(|values| values.len() as u64 <= rule.as_u64().unwrap()),
             other => panic!("keyword {other}"),
         };
         if !ok {

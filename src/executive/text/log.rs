@@ -61,7 +61,7 @@ fn head(out: &mut String, record: &RunRecord) {
     line("Plan", &format!("{} {}, SHA-256 {}", plan.name, plan.version, plan.sha256));
     line("Station", &record.station);
     line("Operator", record.operator.as_deref().unwrap_or("not given"));
-    line("Program", &format!("{} {}", record.program.name, record.program.version));
+    line("Program", &record.program.to_string());
     let bench = &record.bench;
     let kind = match bench.kind {
         BenchKind::Simulated => "simulated",

@@ -116,7 +116,7 @@ fn origin(record: &RunRecord, record_sha256: &str) -> Origin {
     Origin {
         date: record.started.to_rfc3339(),
         means: plain(&format!("station {}{}", record.station, board.unwrap_or_default())),
-        program: plain(&format!("{} {}", record.program.name, record.program.version)),
+        program: plain(&record.program.to_string()),
         plan: plain(&format!("{} {}", record.plan.name, record.plan.version)),
         plan_sha256: plain(&record.plan.sha256),
         outcome: record.verdict.to_string(),

@@ -28,7 +28,7 @@ fn record(serial_number: &str) -> RunRecord {
         serial_number: serial_number.to_owned(),
         operator: Some(HOSTILE.to_owned()),
         station: "line-2".to_owned(),
-        program: ProgramVersion { name: "gnc-station".to_owned(), version: "0".to_owned() },
+        program: ProgramVersion { name: "gnc-station".to_owned(), version: "0".to_owned(), build: None },
         bench: BenchInfo::simulated("good", "max", 1),
         plan: PlanInfo { name: "functional".to_owned(), version: "1.0".to_owned(), sha256: "0".repeat(64) },
         site: None,

@@ -22,7 +22,7 @@ use nix::fcntl::{Flock, FlockArg};
 use sha2::{Digest as _, Sha256};
 
 use super::folder::sync_dir;
-use super::{DIGESTS, StoreError, digest, on, reader};
+use super::{DIGESTS, StoreError, digest, goes_on, on, reader};
 
 /// The file of the chain in a day's folder.
 pub(crate) const CHAIN: &str = "CHAIN";
@@ -245,6 +245,8 @@ pub struct ChainCheck {
 /// The folder cannot be read.
 pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
     let mut checked = ChainCheck::default();
+    // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
+    let closed = closed(records)?;
     let chains = chains(records, usize::MAX)?;
     for day in chains.iter().filter(|day| day.broken > 0) {
         checked.problems.push(format!("{}: {} lines do not belong to a chain", day.path.display(), day.broken));
@@ -265,7 +267,7 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
     for link in &links {
         look_at(records, link, &mut checked.problems);
     }
-    slipped_in(records, &links, &mut checked.problems)?;
+    slipped_in(&closed, &links, &mut checked.problems);
     match (counter(records)?, links.last()) {
         (None, Some(_)) => {
             checked.problems.push(format!("{COUNTER} is missing, so the number of runs is not known"));
@@ -299,17 +301,19 @@ fn look_at(records: &Path, link: &ChainEntry, problems: &mut Vec<String>) {
     }
 }
 
+/// `DATE/SERIAL/TIME-PLAN` of all closed runs; of those that a station is closing now, none.
+fn closed(records: &Path) -> Result<Vec<String>, StoreError> {
+    let closed = reader::paths(records)?.into_iter().filter(|run| reader::is_sealed(run) && !goes_on(run));
+    Ok(closed.map(|run| run.strip_prefix(records).unwrap_or(&run).to_string_lossy().into_owned()).collect())
+}
+
 /// Reports closed runs that the chain of their day does not contain. Days from before the chain existed have no chain.
-fn slipped_in(records: &Path, links: &[ChainEntry], problems: &mut Vec<String>) -> Result<(), StoreError> {
+fn slipped_in(closed: &[String], links: &[ChainEntry], problems: &mut Vec<String>) {
     let known: HashSet<&str> = links.iter().map(|link| link.run.as_str()).collect();
-    let Some(first_day) = links.iter().filter_map(|link| link.run.split('/').next()).min() else { return Ok(()) };
-    for found in reader::list(records)?.into_iter().filter(|found| found.sealed) {
-        let name = found.path.strip_prefix(records).unwrap_or(&found.path).to_string_lossy().into_owned();
-        if name.as_str() > first_day && !known.contains(name.as_str()) {
-            problems.push(format!("{name} was not closed by a station: it is not in the chain"));
-        }
+    let Some(first_day) = links.iter().filter_map(|link| link.run.split('/').next()).min() else { return };
+    for name in closed.iter().filter(|name| name.as_str() > first_day && !known.contains(name.as_str())) {
+        problems.push(format!("{name} was not closed by a station: it is not in the chain"));
     }
-    Ok(())
 }
 
 /// What the chain says of one closed run.

@@ -8,6 +8,7 @@ use std::path::Path;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 use gnc_executive::text;
+use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
 use super::cut_off::CutOffFile;
@@ -30,9 +31,15 @@ pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError
 }
 
 /// Whether a station is writing a run now.
-pub(crate) fn goes_on(run: &Path) -> bool {
-    let path = run.join(JOURNAL);
-    File::open(&path).is_ok_and(|journal| hold(journal, &path).is_err())
+#[must_use]
+pub fn goes_on(run: &Path) -> bool {
+    let Ok(journal) = File::open(run.join(JOURNAL)) else { return false };
+    // A journal without a byte may be one that its station is about to lock: this look must not take the lock from it.
+    if journal.metadata().is_ok_and(|meta| meta.len() == 0) {
+        return false;
+    }
+    // A disk that knows no locks says nothing about who writes.
+    matches!(Flock::lock(journal, FlockArg::LockSharedNonblock), Err((_, Errno::EAGAIN)))
 }
 
 /// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end.

@@ -4,6 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use chrono::NaiveDate;
 use gnc_executive::event::Event;
 use gnc_executive::journal::{self, JournalError, Unknown};
 use gnc_executive::plan::MAX_PLAN_FILES;
@@ -12,7 +13,7 @@ use gnc_executive::state::RunState;
 
 use super::digest::FileDigests;
 use super::folder::folder_name;
-use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, digest, on};
+use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, digest, goes_on, on};
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
 /// station.
@@ -91,6 +92,8 @@ pub struct Verified {
     pub problems: Vec<String>,
     /// A later version of the station wrote the journal: only the digests are compared, not the content of the journal.
     pub newer: Option<ReadError>,
+    /// A station is writing the run now: it has no digests yet, and nothing is wrong with it.
+    pub running: bool,
 }
 
 /// A run found in the records folder.
@@ -102,9 +105,83 @@ pub struct FoundRun {
     pub run: Result<RunRecord, ReadError>,
     /// Whether the folder was closed with its digests. A run without them is not evidence, whatever it says.
     pub sealed: bool,
+    /// Whether a station is writing the run now.
+    pub running: bool,
+}
+
+/// In what state a run's folder was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Found {
+    /// The run has an end, and its folder has its digests.
+    Closed,
+    /// A station is writing the run now.
+    Running,
+    /// The run has no end, and no station is writing it.
+    Interrupted,
+    /// The run has an end, and its folder has no digests.
+    Unsealed,
+    /// A later version of the station wrote it.
+    Newer,
+    /// It cannot be read.
+    Unreadable,
+}
+
+impl Found {
+    /// All states.
+    pub const ALL: [Self; 6] =
+        [Self::Closed, Self::Running, Self::Interrupted, Self::Unsealed, Self::Newer, Self::Unreadable];
+
+    /// The name in lists.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Closed => "closed",
+            Self::Running => "running",
+            Self::Interrupted => "interrupted",
+            Self::Unsealed => "unsealed",
+            Self::Newer => "newer",
+            Self::Unreadable => "unreadable",
+        }
+    }
+}
+
+/// Which runs are wanted. Folders of other runs are not opened.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Wanted<'a> {
+    /// The first day.
+    pub since: Option<NaiveDate>,
+    /// The last day.
+    pub until: Option<NaiveDate>,
+    /// The module.
+    pub serial_number: Option<&'a str>,
+}
+
+impl Wanted<'_> {
+    fn has_day(&self, day: NaiveDate) -> bool {
+        self.since.is_none_or(|since| day >= since) && self.until.is_none_or(|until| day <= until)
+    }
 }
 
 impl FoundRun {
+    /// In what state the folder was found.
+    #[must_use]
+    pub fn state(&self) -> Found {
+        match &self.run {
+            _ if self.running => Found::Running,
+            Err(error) if error.is_newer() => Found::Newer,
+            Err(_) => Found::Unreadable,
+            Ok(run) if run.interrupted => Found::Interrupted,
+            Ok(_) if !self.sealed => Found::Unsealed,
+            Ok(_) => Found::Closed,
+        }
+    }
+
+    /// Its place below a records folder: `DATE/SERIAL/TIME-PLAN`.
+    #[must_use]
+    pub fn place(&self, records: &Path) -> String {
+        self.path.strip_prefix(records).unwrap_or(&self.path).display().to_string()
+    }
+
     /// Whether it is a run of this module. For a run of a later version the folder name decides.
     #[must_use]
     pub fn is_of(&self, serial_number: &str) -> bool {
@@ -122,15 +199,42 @@ impl FoundRun {
 /// # Errors
 /// The folder itself cannot be read.
 pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
+    Ok(wanted(records, Wanted::default())?.collect())
+}
+
+/// The wanted runs below a records folder, oldest first. Each is read when it is asked for: records of calibrations are
+/// long, and a thousand of them would fill the memory.
+///
+/// # Errors
+/// The folder itself cannot be read.
+pub fn wanted<'a>(records: &Path, wanted: Wanted<'a>) -> Result<impl Iterator<Item = FoundRun> + use<'a>, StoreError> {
+    let runs = paths_wanted(records, wanted)?.into_iter().map(found);
+    // Two serial numbers may share one folder.
+    Ok(runs.filter(move |run| wanted.serial_number.is_none_or(|serial_number| run.is_of(serial_number))))
+}
+
+/// The folders of all runs below a records folder, oldest first.
+///
+/// # Errors
+/// The folder itself cannot be read.
+pub fn paths(records: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    paths_wanted(records, Wanted::default())
+}
+
+fn paths_wanted(records: &Path, wanted: Wanted<'_>) -> Result<Vec<PathBuf>, StoreError> {
     let mut runs = Vec::new();
-    for day in folders(records)?.into_iter().filter(|day| is_day(day)) {
+    for day in folders(records)?.into_iter().filter(|path| day_of(path).is_some_and(|day| wanted.has_day(day))) {
         // A folder that cannot be read does not hide the others.
-        for serial in folders(&day).unwrap_or_default() {
-            runs.extend(folders(&serial).unwrap_or_default().into_iter().map(found));
+        let serials = match wanted.serial_number {
+            Some(serial_number) => vec![day.join(folder_name(serial_number))],
+            None => folders(&day).unwrap_or_default(),
+        };
+        for serial in serials {
+            runs.extend(folders(&serial).unwrap_or_default());
         }
     }
     // Sort by day and name, which begins with the time of day: the time in the journal is known only for readable runs.
-    runs.sort_by(|a, b| when(&a.path).cmp(&when(&b.path)).then_with(|| a.path.cmp(&b.path)));
+    runs.sort_by(|a, b| when(a).cmp(&when(b)).then_with(|| a.cmp(b)));
     Ok(runs)
 }
 
@@ -155,6 +259,12 @@ pub(crate) fn paths_of_day(records: &Path, day: &str) -> Result<Vec<PathBuf>, St
 /// The days that have records, oldest first.
 pub(crate) fn day_names(records: &Path) -> Result<Vec<String>, StoreError> {
     Ok(folders(records)?.into_iter().filter(|day| is_day(day)).map(|day| name_of(&day)).collect())
+}
+
+/// The newest day that has records; `None` without any, and if the folder cannot be read.
+#[must_use]
+pub fn newest_day(records: &Path) -> Option<NaiveDate> {
+    folders(records).ok()?.iter().filter_map(|folder| day_of(folder)).max()
 }
 
 /// At most `limit` runs of a day, and whether there are more.
@@ -198,9 +308,12 @@ pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<It
     days.flat_map(move |day| folders(&day.join(&name)).unwrap_or_default().into_iter().rev())
 }
 
-/// Reads a run, and whether it is closed.
+/// Reads a run, and the state of its folder.
 pub(crate) fn found(path: PathBuf) -> FoundRun {
-    FoundRun { run: read(&path), sealed: is_sealed(&path), path }
+    // In this order: a run that ends meanwhile is shown as running or closed, and never as interrupted.
+    let running = !is_sealed(&path) && goes_on(&path);
+    let run = read(&path);
+    FoundRun { run, running, sealed: is_sealed(&path), path }
 }
 
 /// Whether a folder holds a run or part of one: a run whose journal was removed must be found.
@@ -227,7 +340,11 @@ fn name_of(folder: &Path) -> String {
 
 /// Whether a folder is named by a date; a separate disk has other folders too.
 fn is_day(folder: &Path) -> bool {
-    chrono::NaiveDate::parse_from_str(&name_of(folder), "%Y-%m-%d").is_ok()
+    day_of(folder).is_some()
+}
+
+fn day_of(folder: &Path) -> Option<NaiveDate> {
+    NaiveDate::parse_from_str(&name_of(folder), "%Y-%m-%d").ok()
 }
 
 /// Reads a run from its journal.
@@ -299,8 +416,9 @@ fn journal_of(folder: &Path) -> Result<Vec<u8>, ReadError> {
 /// run of a later version this cannot be confirmed.
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
-    let Verified { mut problems, newer } = check(folder);
+    let Verified { mut problems, newer, running } = check(folder);
     problems.extend(newer.map(|newer| newer.to_string()));
+    problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
     problems
 }
 
@@ -327,6 +445,10 @@ pub fn verify_signature(folder: &Path, key: &PublicKey) -> Option<String> {
 fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let only = |problem: String| Ok(Verified { problems: vec![problem], ..Verified::default() });
     let path = folder.join(DIGESTS);
+    // Looked at before the journal is read: a run that ends meanwhile has its digests then.
+    if !path.exists() && goes_on(folder) {
+        return Ok(Verified { running: true, ..Verified::default() });
+    }
     let (state, newer) = match fold(folder) {
         Ok(state) => (Some(state), None),
         Err(error) if error.is_newer() => (None, Some(error)),
@@ -338,7 +460,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     }
     if !path.exists() {
         let problem = format!("{DIGESTS} is missing: this run cannot be verified");
-        return Ok(Verified { problems: vec![problem], newer });
+        return Ok(Verified { problems: vec![problem], newer, ..Verified::default() });
     }
     let (sums, bad) = FileDigests::read(folder)?;
     let mut problems = vec![format!("{DIGESTS} holds a line that is not a digest"); bad];
@@ -366,7 +488,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
             _ => problems.push(format!("{RECORD} does not say what {JOURNAL} says")),
         }
     }
-    Ok(Verified { problems, newer })
+    Ok(Verified { problems, newer, ..Verified::default() })
 }
 
 fn folders(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {

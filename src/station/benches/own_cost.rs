@@ -149,7 +149,7 @@ fn header() -> RunHeader {
         serial_number: "BENCH".to_owned(),
         operator: None,
         station: "bench".to_owned(),
-        program: ProgramVersion { name: "own_cost".to_owned(), version: "0".to_owned() },
+        program: ProgramVersion { name: "own_cost".to_owned(), version: "0".to_owned(), build: None },
         bench: BenchInfo::real(),
         plan: PlanInfo { name: "many".to_owned(), version: "1".to_owned(), sha256: "0".repeat(64) },
         site: None,

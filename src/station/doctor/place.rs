@@ -3,19 +3,18 @@
 use std::io::IsTerminal as _;
 use std::path::Path;
 
-use chrono::{Local, NaiveDate};
+use gnc_bench::clock;
 use gnc_records::store::reader;
 use nix::sys::statvfs::statvfs;
 use nix::unistd::{AccessFlags, access};
 
 use super::Finding;
+use crate::version;
 
 /// With less room than this a day's records do not fit: an hour of captures is 40 MB, a module's acceptance 250 MB.
 const LITTLE_MB: u64 = 2000;
 /// With less room than this the next run may already fail.
 const NOTHING_MB: u64 = 300;
-/// The year in which this was written. A clock that shows an earlier date is wrong.
-const NOT_BEFORE: (i32, u32, u32) = (2026, 1, 1);
 /// The smallest size at which the screen shows everything.
 const COLUMNS_AND_ROWS: (u16, u16) = (80, 24);
 
@@ -39,7 +38,7 @@ pub(super) fn records(folder: &Path) -> Vec<Finding> {
     let mut findings = vec![Finding::good(format!("records go to {shown}"))];
     match reader::list(folder) {
         Ok(runs) => {
-            let open = runs.iter().filter(|run| !run.sealed).count();
+            let open = runs.iter().filter(|run| !run.sealed && !run.running).count();
             if open > 0 {
                 let what = format!("{open} of {} runs in {shown} have no end or were not closed", runs.len());
                 findings.push(Finding::warning(what, format!("gnc-station records list --records {shown}")));
@@ -63,22 +62,18 @@ pub(super) fn disk(folder: &Path) -> Option<Finding> {
     })
 }
 
-/// Checks the clock. A clock that was set back gives folders of a day that already exists.
+/// Checks the clock as a run does. A clock that was set back gives folders of a day that already exists.
 pub(super) fn clock(folder: &Path) -> Finding {
-    let now = Local::now();
-    let (year, month, day) = NOT_BEFORE;
-    let impossible = NaiveDate::from_ymd_opt(year, month, day).is_some_and(|first| now.date_naive() < first);
-    let days = reader::days(folder).unwrap_or_default();
-    let newest = days.last().and_then(|(day, _)| day.parse::<NaiveDate>().ok());
+    let now = clock::now();
+    let newest = reader::newest_day(folder);
     let mend = "sudo timedatectl set-ntp true";
-    match newest {
-        _ if impossible => {
-            Finding::bad(format!("the clock says {}, which is before {year}", now.format("%F %T")), mend)
+    match (clock::check(now, version::program().build.as_ref(), newest), newest) {
+        (Err(error), _) => Finding::bad(error.to_string(), mend),
+        (Ok(()), Some(newest)) if newest > now.date_naive() => {
+            let what = format!("the clock says {}, but there are records of {newest}", now.format("%F %T %:z"));
+            Finding::warning(what, mend)
         }
-        Some(newest) if newest > now.date_naive() => {
-            Finding::bad(format!("the clock says {}, but there are records of {newest}", now.format("%F %T")), mend)
-        }
-        _ => Finding::good(format!("the clock says {}", now.format("%F %T %:z"))),
+        (Ok(()), _) => Finding::good(format!("the clock says {}", now.format("%F %T %:z"))),
     }
 }
 

@@ -7,9 +7,11 @@ use std::sync::Arc;
 use ::parquet::basic::Compression;
 use ::parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use ::parquet::errors::{ParquetError, Result};
+use ::parquet::file::metadata::KeyValue;
 use ::parquet::file::properties::WriterProperties;
 use ::parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use ::parquet::schema::parser::parse_message_type;
+use serde_json::{Map, Value};
 
 use super::table::{PLACE, SampleTable, TEMPERATURES, TableKind};
 
@@ -18,7 +20,8 @@ const GROUP: usize = 500_000;
 
 pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item = SampleTable<'a>>) -> Result<()> {
     let schema = Arc::new(parse_message_type(&schema(kind))?);
-    let properties = Arc::new(WriterProperties::builder().set_compression(Compression::SNAPPY).build());
+    let properties = WriterProperties::builder().set_compression(Compression::SNAPPY);
+    let properties = Arc::new(properties.set_key_value_metadata(Some(metadata(kind))).build());
     let mut out = SerializedFileWriter::new(file, schema, properties)?;
     for table in tables {
         for first in (0..table.len()).step_by(GROUP) {
@@ -29,6 +32,23 @@ pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item 
     }
     out.close()?;
     Ok(())
+}
+
+/// What the columns mean, for readers that show it: JSON objects by the name of the column.
+fn metadata(kind: TableKind) -> Vec<KeyValue> {
+    let units = kind.units();
+    let unit: Map<String, Value> = units.iter().map(|(name, unit, _)| ((*name).to_owned(), (*unit).into())).collect();
+    let counts = units.iter().filter_map(|(name, _, counts)| Some(((*name).to_owned(), Value::from((*counts)?))));
+    let counts: Map<String, Value> = counts.collect();
+    let scale = match kind {
+        TableKind::Raw => "nominal, before any calibration",
+        TableKind::Compensated => "compensated by the board with the calibration that the module holds",
+    };
+    [("units", Value::from(unit).to_string()), ("counts_per_unit", Value::from(counts).to_string())]
+        .into_iter()
+        .chain([("scale", scale.to_owned())])
+        .map(|(name, value)| KeyValue::new(name.to_owned(), value))
+        .collect()
 }
 
 /// The columns with their types, in the words of the format. Whole numbers have 64 bits: with 32 bits the sums of

@@ -60,6 +60,24 @@ impl TableKind {
         }
     }
 
+    /// The unit of each column of counts, values and temperatures, and for a value the number of counts in its unit: a
+    /// value is its count divided by that.
+    pub(super) fn units(self) -> Vec<(&'static str, &'static str, Option<f64>)> {
+        let counts = self.counts().iter().map(|name| (*name, "count", None));
+        let triads: &[(&str, f64)] = match self {
+            Self::Raw => &[("deg/s", GYRO_LSB_PER_DPS), ("g", ACCEL_LSB_PER_G), ("gauss", MAG_LSB_PER_GAUSS)],
+            Self::Compensated => {
+                &[("rad/s", RATE_PER_RPS), ("m/s^2", FORCE_PER_MPS2), ("gauss", FIELD_PER_GAUSS), ("rad", ROLL_PER_RAD)]
+            }
+        };
+        let values = self.values().iter().enumerate().filter_map(|(value, name)| {
+            let (unit, counts) = triads.get(value / 3)?;
+            Some((*name, *unit, Some(*counts)))
+        });
+        let temperatures = TEMPERATURES.iter().map(|name| (*name, "degC", Some(TEMPERATURE_PER_DEGC)));
+        counts.chain(values).chain([("t_s", "s", None)]).chain(temperatures).collect()
+    }
+
     /// The end of the file's name.
     pub(super) fn suffix(self) -> &'static str {
         match self {
@@ -80,6 +98,9 @@ impl TableKind {
 pub(super) const PLACE: [&str; 6] = ["capture", "series", "position", "run", "number", "t_s"];
 /// Names of the last columns: temperatures of gyroscopes and accelerometers.
 pub(super) const TEMPERATURES: [&str; 2] = ["gyro_temperature_degc", "accel_temperature_degc"];
+
+/// Counts of a temperature in a degree Celsius.
+const TEMPERATURE_PER_DEGC: f64 = 100.0;
 
 /// The samples of a capture as rows. The columns: [`PLACE`], counts, values and masks of the kind, [`TEMPERATURES`].
 pub(super) struct SampleTable<'a> {
@@ -162,6 +183,6 @@ impl<'a> SampleTable<'a> {
                 [sample.gyro_temperature, sample.accel_temperature]
             }
         };
-        raw.map(|value| f64::from(value) / 100.0)
+        raw.map(|value| f64::from(value) / TEMPERATURE_PER_DEGC)
     }
 }

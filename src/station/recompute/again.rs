@@ -6,7 +6,7 @@ use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::{self, AnalysisInput, FigureError, Findings};
 use gnc_analysis::motion::{self, MotionStep};
 use gnc_executive::details::Details;
-use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, ProgramVersion, events_schema};
+use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, events_form};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Plan, PlanItem};
@@ -17,6 +17,7 @@ use gnc_text::with_causes;
 use super::differences::{of_details, of_measurements};
 use super::source::{RecordedRun, RunError};
 use super::{fold, info};
+use crate::version;
 
 /// A run, judged again.
 pub(super) struct Again {
@@ -121,9 +122,8 @@ impl Judge<'_> {
                 if self.of.is_some() {
                     header.plan = info(self.plan);
                     header.recomputed.clone_from(&self.of);
-                    events_schema(header.selection.as_deref()).clone_into(&mut header.schema);
-                    let version = env!("CARGO_PKG_VERSION").to_owned();
-                    header.program = ProgramVersion { name: env!("CARGO_PKG_NAME").to_owned(), version };
+                    events_form(header.selection.as_deref()).clone_into(&mut header.schema);
+                    header.program = version::program();
                 }
                 self.emit(event, EventKind::RunStarted { header, items: items.clone() });
             }

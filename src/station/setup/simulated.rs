@@ -53,6 +53,7 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
         habits: BenchHabits::default(),
         serial_number: file.serial_number,
         scanner: file.scanner,
+        clock_is_right: args.clock_is_right,
         site: file.site,
         kind: Kind::Simulated(Box::new(SimulatedModule { options, link: args.sim_link, interfaces })),
     })
@@ -140,6 +141,7 @@ impl SimulatedModule {
             fixture: Fixture::Driven(Arc::new(running.control())),
             site: checked.site.clone(),
             serial_number: checked.serial_number.clone(),
+            clock_is_right: checked.clock_is_right,
         };
         Ok(Setup { equipment, simulation: Some(running) })
     }

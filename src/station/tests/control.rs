@@ -14,7 +14,7 @@ use gnc_bench::control::RunControl;
 use gnc_bench::runner::{Ending, Live, looking};
 use gnc_bench::service::{Observer, Rounds, RunRequest};
 use gnc_board::{BoardClient, BoardLease, Readings};
-use gnc_executive::event::{Event, EventKind};
+use gnc_executive::event::{BuildInfo, Event, EventKind, ProgramVersion};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::state::RunState;
@@ -147,6 +147,25 @@ fn a_first_round_that_cannot_begin_is_refused() {
     let gone = RunRequest { resume: Some("records/gone".into()), ..asked };
     let told = "the run to resume cannot be read: cannot read records/gone/events.jsonl: ";
     assert!(refused(&gone, &[]).starts_with(told), "{}", refused(&gone, &[]));
+}
+
+/// A clock from before the program's commit is no date for a record: the module gets no power.
+#[test]
+fn a_clock_before_the_program_is_refused() {
+    let options = BenchOptions { speed: Speed::Max, ..BenchOptions::default() };
+    let at = |text: &str| chrono::DateTime::parse_from_rfc3339(text).expect("a time");
+    let committed = at("2026-11-28T12:00:00+08:00");
+    let build = BuildInfo { commit: "0".repeat(40), committed, modified: false };
+    let program = ProgramVersion { build: Some(build), ..request(PLAN).program };
+    let run = |began: &str| {
+        let asked = RunRequest { began: Some(at(began)), program: program.clone(), ..request(PLAN) };
+        serve(&asked, &options, &RunControl::default(), Fated { fates: [].iter() })
+    };
+    let refused = run("1970-01-01T00:01:00+00:00").expect_err("refused");
+    let told = "the clock says 1970-01-01 00:01:00 +00:00, but the sources of this program are of 2026-11-28";
+    assert_eq!(gnc_text::with_causes(&refused), told);
+    assert!(refused.try_this().contains("--clock-is-right"), "{}", refused.try_this());
+    assert_eq!(run("2026-11-28T12:00:00+08:00").expect("a run").verdicts.len(), 1);
 }
 
 /// A capture of 100 s at true speed ends at once when its item is given up. The run goes on with the next item, and is

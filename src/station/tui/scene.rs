@@ -9,7 +9,7 @@ use gnc_board::{Readings, StreamReading};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{
     BenchInfo, BenchKind, BoardInfo, EVENTS_SCHEMA, EarlierRun, Event, EventKind, PlanInfo, PlannedItem, Power,
-    ProgramVersion, RunHeader, events_schema,
+    ProgramVersion, RunHeader, events_form,
 };
 use gnc_executive::measurement::{Measurement, Reading};
 use gnc_executive::outcome::Outcome;
@@ -21,7 +21,6 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 
 use super::decode::Key;
-use super::input::Scanned;
 use super::lang::Lang;
 use super::model::{BenchView, Glyphs, Loaded, Look, Now, PlanView, Progress, ScreenModel};
 use super::pending::Prepared;
@@ -127,7 +126,8 @@ impl Scene {
     /// Scans a code whose line end came.
     #[cfg(test)]
     pub(crate) fn scans(&mut self, code: &str) -> Option<Effect> {
-        self.tell(Msg::Scan(Scanned { bytes: code.into(), ended: true, ..Scanned::default() }))
+        let scanned = super::input::Scanned { bytes: code.into(), ended: true, ..Default::default() };
+        self.tell(Msg::Scan(scanned))
     }
 
     pub(crate) fn tell(&mut self, msg: Msg) -> Option<Effect> {
@@ -164,7 +164,7 @@ impl Scene {
         for item in &mut items {
             item.selected = selection.as_ref().is_none_or(|names| names.contains(&item.name));
         }
-        let schema = events_schema(selection.as_deref()).to_owned();
+        let schema = events_form(selection.as_deref()).to_owned();
         let recomputed =
             self.rejudged.then(|| EarlierRun { run: "140500-functional".to_owned(), journal_sha256: "00".repeat(32) });
         let header = Box::new(RunHeader { schema, selection, recomputed, ..header(serial_number, plan) });
@@ -355,7 +355,7 @@ fn header(serial_number: &str, plan: &str) -> RunHeader {
         serial_number: serial_number.into(),
         operator: Some("Zhang Wei".into()),
         station: "line-2".into(),
-        program: ProgramVersion { name: "gnc-station".into(), version: "0.1.0".into() },
+        program: ProgramVersion { name: "gnc-station".into(), version: "0.1.0".into(), build: None },
         bench: BenchInfo::simulated("good", "1", 1),
         site: None,
         recomputed: None,

@@ -48,7 +48,7 @@ pub(crate) fn request(plan: &str) -> RunRequest {
         serial_number: "SN".to_owned(),
         operator: None,
         selection: None,
-        program: ProgramVersion { name: "control".to_owned(), version: "0".to_owned() },
+        program: ProgramVersion { name: "control".to_owned(), version: "0".to_owned(), build: None },
         on_fail: None,
         rounds: Rounds::Once,
         resume: None,
@@ -82,6 +82,7 @@ pub(crate) fn serve(
             fixture: Fixture::Driven(Arc::new(bench.control())),
             site: file.site,
             serial_number: None,
+            clock_is_right: false,
         };
         let done = service::run(request, equipment, control, &Live::default(), &mut observer).await;
         assert!(!bench.control().truth().expect("a bench").powered, "the module is left under power");

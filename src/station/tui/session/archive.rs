@@ -110,7 +110,8 @@ fn unopened(error: &ReadError) -> Unopened {
 }
 
 pub(super) fn verify(path: PathBuf) -> Msg {
-    let Verified { problems, newer } = reader::check(&path);
+    let Verified { mut problems, newer, running } = reader::check(&path);
+    problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
     let newer = newer.as_ref().and_then(ReadError::unknown).map(ToString::to_string);
     Msg::Verified { path, checked: Checked { problems, newer } }
 }

@@ -1,0 +1,114 @@
+//! The file of `--junit`: what a CI server reads about the runs.
+//!
+//! The file is there before the module gets power, and says then that the run has no end. So neither a killed station
+//! nor a refused run leaves the file of an earlier run that passed.
+
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use gnc_bench::clock;
+use gnc_bench::runner::Ending;
+use gnc_records::junit::JunitReport;
+use gnc_records::store::reader;
+use gnc_text::with_causes;
+
+use crate::refusal::CommandRefusal;
+
+/// Name ending of the file while it is written.
+const PART: &str = "part";
+
+/// The file of a command, with the runs up to now.
+#[derive(Debug)]
+pub(super) struct JunitFile {
+    path: PathBuf,
+    report: JunitReport,
+    /// When the command began, as the form has it: without an offset.
+    began: String,
+    /// Whether a run was added.
+    any: bool,
+}
+
+impl JunitFile {
+    /// Writes the file that says that no run has ended.
+    ///
+    /// # Errors
+    /// The file cannot be written, or something else has its name.
+    pub(super) fn begin(path: &Path) -> Result<Self, CommandRefusal> {
+        if path.exists() && !path.is_file() {
+            let what = format!("{} is not a file, so no JUnit XML can take its place", path.display());
+            return Err(CommandRefusal::new(what, "name a file with --junit"));
+        }
+        // The file of a link is replaced, and not the link.
+        let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let began = clock::now().format("%Y-%m-%dT%H:%M:%S").to_string();
+        let file = Self { path, report: JunitReport::default(), began, any: false };
+        let mut first = JunitReport::default();
+        let hint = "look at what the station said: it still runs, or it was killed";
+        let written = first.add_error(&file.began, "the run has not ended", hint);
+        file.written(written.map_err(io::Error::other).and_then(|()| file.put(&first)))?;
+        Ok(file)
+    }
+
+    /// Adds a run that has ended, as its record says.
+    pub(super) fn add(&mut self, folder: &Path, ending: &Ending) {
+        let unrecorded = ending.store_error.as_ref().map(|error| with_causes(error));
+        let place = folder.display().to_string();
+        let added = match reader::read(folder) {
+            Ok(record) => self.report.add_run(&record, &place, unrecorded.as_deref()),
+            Err(error) => {
+                let what = format!("the record {place} cannot be read: {}", with_causes(&error));
+                self.report.add_error(&self.began, &what, error.try_this())
+            }
+        };
+        // Only a mistake of this program can fail here; a run that is missing in the report is none that passed.
+        self.any = added.is_ok();
+    }
+
+    /// Adds why a run was not begun.
+    pub(super) fn refused(&mut self, what: &str, try_this: &str) {
+        self.any |= self.report.add_error(&self.began, what, try_this).is_ok();
+    }
+
+    /// Writes the file with all runs.
+    ///
+    /// # Errors
+    /// The file cannot be written; the one that says that no run has ended may still be there.
+    pub(super) fn end(&self) -> Result<(), CommandRefusal> {
+        if !self.any {
+            return Ok(());
+        }
+        self.written(self.put(&self.report))
+    }
+
+    /// The file appears under its name only when all of it is on disk.
+    fn put(&self, report: &JunitReport) -> io::Result<()> {
+        let text = report.xml().map_err(io::Error::other)?;
+        let mut part = self.path.clone().into_os_string();
+        part.push(format!(".{PART}"));
+        let part = PathBuf::from(part);
+        let written = File::create(&part).and_then(|mut file| file.write_all(&text).and_then(|()| file.sync_all()));
+        let placed = written.and_then(|()| fs::rename(&part, &self.path));
+        if placed.is_err() {
+            // Half a file helps nobody; the error that matters is told.
+            let _ = fs::remove_file(&part);
+        }
+        placed
+    }
+
+    fn written(&self, written: io::Result<()>) -> Result<(), CommandRefusal> {
+        written.map_err(|error| {
+            let try_this = match error.kind() {
+                io::ErrorKind::NotFound => "make the folder, or name another file with --junit",
+                io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                    "make room on the disk, or name a file on another one with --junit"
+                }
+                _ => "name a file that you may write with --junit",
+            };
+            CommandRefusal::new(
+                format!("the JUnit XML cannot be written to {}: {error}", self.path.display()),
+                try_this,
+            )
+        })
+    }
+}

@@ -1,0 +1,111 @@
+//! `gnc-station records list`: the runs of the records folder, for people, programs and spreadsheets.
+
+mod table;
+
+use std::io::{self, Write};
+use std::path::Path;
+use std::process::ExitCode;
+
+use gnc_executive::verdict::Verdict;
+use gnc_records::standing::{Seal, Seals};
+use gnc_records::store::reader::{self, Found, FoundRun, Wanted};
+use gnc_text::printable;
+
+use super::place::RecordsPlace;
+use crate::args::ListArgs;
+use crate::refusal::refuse;
+use table::Line;
+
+impl ListArgs {
+    fn wanted(&self) -> Wanted<'_> {
+        Wanted {
+            since: self.day.or(self.since),
+            until: self.day.or(self.until),
+            serial_number: self.serial_number.as_deref().map(str::trim),
+        }
+    }
+
+    fn has(&self, found: &FoundRun) -> bool {
+        let plan = |plan: &String| found.run.as_ref().is_ok_and(|run| run.plan.name == *plan);
+        let word = word(found);
+        self.plan.as_ref().is_none_or(plan) && (self.outcome.is_empty() || self.outcome.iter().any(|one| one == word))
+    }
+
+    fn wants_all(&self) -> bool {
+        let Self { json: _, csv: _, day, since, until, serial_number, plan, outcome } = self;
+        let days = day.or(*since).or(*until);
+        days.is_none() && serial_number.is_none() && plan.is_none() && outcome.is_empty()
+    }
+}
+
+/// The verdict of a run that is closed.
+pub(super) fn verdict(found: &FoundRun) -> Option<Verdict> {
+    found.run.as_ref().ok().filter(|_| found.state() == Found::Closed).map(|run| run.verdict)
+}
+
+/// The verdict of a closed run, else the state of its folder.
+pub(super) fn word(found: &FoundRun) -> &'static str {
+    verdict(found).map_or_else(|| found.state().as_str(), Verdict::as_str)
+}
+
+/// Lists runs, oldest first.
+pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
+    let records = &place.path;
+    let runs = match reader::wanted(records, args.wanted()) {
+        Ok(runs) => runs.filter(|found| args.has(found)),
+        Err(error) => return refuse(gnc_text::with_causes(&error), error.try_this()),
+    };
+    let out = io::BufWriter::new(io::stdout().lock());
+    let written = if args.json {
+        as_json(out, records, runs)
+    } else if args.csv {
+        table::csv(out, records, runs)
+    } else {
+        for_people(out, place, args, runs)
+    };
+    match written {
+        Ok(()) => ExitCode::SUCCESS,
+        // The reader has seen enough.
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => refuse(format_args!("the list cannot be written: {error}"), "check where the output goes"),
+    }
+}
+
+fn as_json(mut out: impl Write, records: &Path, runs: impl Iterator<Item = FoundRun>) -> io::Result<()> {
+    write!(out, "[")?;
+    for (index, found) in runs.enumerate() {
+        writeln!(out, "{}", if index > 0 { "," } else { "" })?;
+        serde_json::to_writer(&mut out, &Line::of(&found, records))?;
+    }
+    writeln!(out, "\n]")?;
+    out.flush()
+}
+
+fn for_people(
+    mut out: impl Write,
+    place: &RecordsPlace,
+    args: &ListArgs,
+    runs: impl Iterator<Item = FoundRun>,
+) -> io::Result<()> {
+    let mut none = true;
+    let mut seals = Seals::new(&place.path);
+    for found in runs {
+        none = false;
+        let line = match &found.run {
+            Ok(run) => {
+                // The word for a run that is not closed stands before.
+                let closed = found.state() == Found::Closed;
+                let kept = if closed { seals.seal(&found.path).map_err(io::Error::other)? } else { Seal::Chained };
+                super::summary(word(&found), run, kept)
+            }
+            Err(_) if found.running => word(&found).to_owned(),
+            Err(error) => format!("{:<12}{}", word(&found), printable(&gnc_text::with_causes(error))),
+        };
+        writeln!(out, "{line}  {}", printable(&found.place(&place.path)))?;
+    }
+    if none {
+        let such = if args.wants_all() { "no run" } else { "no such run" };
+        writeln!(out, "{such} is recorded in {}", place.in_words())?;
+    }
+    out.flush()
+}

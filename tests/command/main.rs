@@ -1,0 +1,12 @@
+//! The command line beside runs: where records are found, lists of them, the report for CI servers, the build.
+
+#![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
+
+mod build;
+mod clock;
+mod help_files;
+mod junit;
+mod list;
+mod place;
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
