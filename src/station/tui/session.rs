@@ -184,6 +184,9 @@ impl ScreenSession {
     fn other(&mut self, command: Effect) {
         match command {
             Effect::LookUp(serial_number) => {
+                let (held, records) = (self.held.clone(), self.records());
+                let look = prepare::Look { held, records, serial_number: serial_number.clone(), selection: None };
+                self.aside(move || look.broke_off());
                 let records = self.records();
                 self.aside(move || archive::look_up(&records, serial_number));
             }
@@ -242,6 +245,8 @@ impl ScreenSession {
             Looked::Plan { path, plan: Ok(checked) } => {
                 let (held, view): (HeldPlan, _) = *checked;
                 self.held.plan = Some(Arc::new(held));
+                let (held, records) = (self.held.clone(), self.records());
+                self.aside(move || prepare::newest_that_broke_off(&held, &records));
                 Msg::Plan { path, plan: Loaded::Ready(view) }
             }
             Looked::Plan { path, plan: Err(refusal) } => {

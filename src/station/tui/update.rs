@@ -16,7 +16,7 @@ use super::lang::{Lang, Texts, fill};
 use super::model::{
     BenchView, Earlier, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage,
 };
-use super::pending::Prepared;
+use super::pending::{Interrupted, Prepared};
 use super::records::{Check, Checked, Day, OpenRun, RunMark, Runs, Unopened};
 use super::setup_form::Choices;
 
@@ -43,6 +43,8 @@ pub(crate) enum Msg {
     Plan { path: String, plan: Loaded<PlanView> },
     /// Files to choose from.
     Choices(Choices),
+    /// A run of a module broke off, as far as the records tell: after a scan, or at the start.
+    BrokeOff { serial_number: String, run: Option<Interrupted> },
     /// The newest run of a module today.
     Earlier { serial_number: String, run: Option<Earlier> },
     /// What must be known before the run that was asked for begins.
@@ -146,6 +148,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         }
         Msg::Plan { path, plan } => take_plan(model, path, plan),
         Msg::Choices(choices) => model.choices = choices,
+        Msg::BrokeOff { serial_number, run } => run::broke_off(model, &serial_number, run.as_ref()),
         Msg::Earlier { serial_number, run } => run::earlier(model, &serial_number, run),
         Msg::Prepared(prepared) => return start::prepared(model, *prepared),
         Msg::RoundBegins { folder } => {
