@@ -41,12 +41,27 @@ pub struct Guidance {
     pub stage: Stage,
     /// Board time of the current capture so far.
     pub captured_s: f64,
+    /// Bench time of the finished captures that a resumed run would make again with the current one.
+    pub joined_s: f64,
+    /// Which captures that are: those since the last power-on, or all.
+    joined: Joined,
     /// Bench time of the finished steps.
     pub done_s: f64,
     /// Bench time of all steps.
     pub whole_s: f64,
     /// What the samples of the current capture show so far, if they make a picture.
     pub picture: Option<Picture>,
+}
+
+/// The captures that stay together in a resumed run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Joined {
+    /// Each capture stands for itself.
+    None,
+    /// Those since the last power-on, until all exist.
+    Series,
+    /// All: the module compensates them with coefficients that may be others then.
+    All,
 }
 
 /// What the samples of a capture show so far.
@@ -113,6 +128,8 @@ impl Guidance {
             orientation: None,
             stage: Stage::Laying,
             captured_s: 0.0,
+            joined_s: 0.0,
+            joined: if program.steps.iter().any(compensates) { Joined::All } else { Joined::None },
             done_s: 0.0,
             whole_s: program.span_s(),
             picture: None,
@@ -121,6 +138,9 @@ impl Guidance {
 
     /// Begins a step.
     pub fn begin(&mut self, step: &MotionStep) {
+        if matches!(step, MotionStep::PowerCycle { .. }) {
+            (self.joined, self.joined_s) = (Joined::Series, 0.0);
+        }
         self.stage = match step {
             MotionStep::Lay(orientation) => {
                 self.orientation = Some(*orientation);
@@ -137,6 +157,12 @@ impl Guidance {
     /// Ends a step, or passes over a step whose capture exists already.
     pub fn end(&mut self, step: &MotionStep) {
         self.finished += usize::from(step.about().is_some());
+        if step.about().is_some() && self.joined != Joined::None {
+            self.joined_s += step.span_s();
+        }
+        if self.joined == Joined::Series && self.finished == self.captures.len() {
+            self.joined_s = 0.0;
+        }
         self.captured_s = 0.0;
         self.done_s += step.span_s();
     }
@@ -160,6 +186,12 @@ impl Guidance {
             Stage::Warming(warmth) => Some(warmth),
             _ => None,
         }
+    }
+
+    /// Bench time of captures that would be lost if the run were stopped now: a resumed run cannot take them over.
+    #[must_use]
+    pub fn lost_s(&self) -> f64 {
+        self.joined_s + self.captured_s
     }
 
     /// Bench time that the program still needs.
@@ -319,6 +351,13 @@ impl<'a> Course<'a> {
     }
 }
 
+fn compensates(step: &MotionStep) -> bool {
+    matches!(
+        step,
+        MotionStep::Capture { uses: Uses::Compensated, .. } | MotionStep::Turn { uses: Uses::Compensated, .. }
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -367,5 +406,36 @@ mod tests {
         assert_eq!((now.capture_left_s(), now.left_s()), (0.0, 0.0));
         now.end(&program.steps[3]);
         assert_eq!((now.finished, now.present(), now.turn()), (2, None, None));
+    }
+
+    /// Worked out by hand: a capture of 60 s that is under way, series of two captures, and captures that the module compensates.
+    #[test]
+    fn what_a_stop_would_lose() {
+        let capture = |label: &str, uses| {
+            let up = [0.0, 0.0, 1.0];
+            MotionStep::Capture { about: about(label, Pose::Still { up, heading_deg: 0.0 }), span_s: 60.0, uses }
+        };
+        let lost = |steps: &[MotionStep]| {
+            let program = MotionProgram { steps: steps.to_vec() };
+            let mut now = Guidance::new(&program);
+            let mut lost = Vec::new();
+            for step in &program.steps {
+                now.begin(step);
+                if step.about().is_some() {
+                    now.captured_s = 20.0;
+                    lost.push(now.lost_s());
+                }
+                now.end(step);
+            }
+            lost.push(now.lost_s());
+            lost
+        };
+        let alone = ["a", "b"].map(|label| capture(label, Uses::Inertial));
+        assert_eq!(lost(&alone), [20.0, 20.0, 0.0]);
+        let cycle = MotionStep::PowerCycle { off_s: 600.0 };
+        let [a, b, c, d] = ["a", "b", "c", "d"].map(|label| capture(label, Uses::Inertial));
+        assert_eq!(lost(&[cycle.clone(), a, b, cycle, c, d]), [20.0, 80.0, 20.0, 80.0, 0.0]);
+        let compensated = ["a", "b"].map(|label| capture(label, Uses::Compensated));
+        assert_eq!(lost(&compensated), [20.0, 80.0, 120.0]);
     }
 }

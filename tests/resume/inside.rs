@@ -39,7 +39,7 @@ pub(crate) fn request(plan: &str) -> RunRequest {
         serial_number: "C-1".to_owned(),
         operator: None,
         selection: None,
-        program: ProgramVersion { name: "resume".to_owned(), version: "0".to_owned() },
+        program: ProgramVersion { name: "resume".to_owned(), version: "0".to_owned(), build: None },
         on_fail: None,
         rounds: Rounds::Once,
         resume: None,
@@ -121,6 +121,8 @@ impl Bench {
             abilities: BenchAbilities { rs422: true, can: false, operator: true },
             fixture: Fixture::Driven(Arc::new(self.bench.control())),
             site: file.site,
+            serial_number: None,
+            clock_is_right: false,
         };
         let (live, control) = (Live::default(), RunControl::default());
         let mut only = Only::default();

@@ -1,4 +1,4 @@
-use gnc_executive::catalogue::ItemId;
+use gnc_executive::catalogue::{ItemId, Trace};
 use gnc_executive::plan::{Params, Plan};
 use gnc_protocol::stream::{ImuSample, SATURATION};
 use gnc_rig::Along;
@@ -418,5 +418,36 @@ fn motions_that_were_captured_are_left_out() {
     for (program, had) in [(&spins, "no"), (&steps, "no"), (&turns, "no")] {
         let whole: Vec<_> = program.steps.iter().map(ResumeAction::Do).collect();
         assert_eq!(program.after(|about| about.label == had), whole);
+    }
+}
+
+/// What items say that they leave in the module agrees with what they do with it.
+#[test]
+fn traces_are_those_of_the_programs() {
+    for id in ItemId::ALL {
+        let item = |id: &str| format!("[[item]]\nid = \"{id}\"\nphase = \"setup\"\n");
+        let before = ["six-position", "gyro-still", "rotation", "magnetometer-ellipse", "calibration-download"]
+            .map(item)
+            .concat();
+        let text = format!("name = \"p\"\nversion = \"1\"\n{before}{}name = \"it\"\n", item(id.as_str()));
+        let plan = Plan::read("p.toml", text.into_bytes(), &mut |_| Err("no include".into())).unwrap();
+        let item = plan.items().last().unwrap();
+        let Some(program) = program(id, &item.params).unwrap() else {
+            assert!(!id.leaves(Trace::Heat), "{id} runs again in seconds");
+            continue;
+        };
+        let any = |is: &dyn Fn(&MotionStep) -> bool| program.steps.iter().any(is);
+        let cycles = any(&|step| matches!(step, MotionStep::PowerCycle { .. }));
+        let samples = any(&|step| matches!(step, MotionStep::Capture { .. } | MotionStep::Turn { .. }));
+        let compensated = any(&|step| {
+            matches!(
+                step,
+                MotionStep::Capture { uses: Uses::Compensated, .. } | MotionStep::Turn { uses: Uses::Compensated, .. }
+            )
+        });
+        assert!(id.leaves(Trace::Heat), "{id} takes its time");
+        assert_eq!(id.feels(Trace::Heat), samples, "{id}");
+        assert_eq!((id.leaves(Trace::PowerOn), id.feels(Trace::PowerOn)), (cycles, cycles), "{id}");
+        assert_eq!(id.feels(Trace::Coefficients), compensated, "{id}");
     }
 }

@@ -248,3 +248,33 @@ fn calibrations_that_are_needed() {
        = try: put an item with id = "rotation" before it
     "#);
 }
+
+#[test]
+fn a_plan_says_how_long_a_resumed_run_waits() {
+    let read = |resume: &str| {
+        let text = format!("name = \"p\"\nversion = \"1\"\n{resume}\n[[item]]\nid = \"identity\"\nphase = \"setup\"\n");
+        Plan::read("plan.toml", text.into_bytes(), &mut |_| Err("no includes".into()))
+    };
+    let rules = |resume: &str| read(resume).unwrap_or_else(|mistakes| panic!("{mistakes}")).resume;
+    assert_eq!(rules(""), ResumeRules { wait_s: 1800.0, within_k: 0.5 });
+    let both = "[resume]\nwait = \"1 h\"\nwithin = \"0.2 degC\"";
+    assert_eq!(rules(both), ResumeRules { wait_s: 3600.0, within_k: 0.2 });
+    let wrong =
+        read("[resume]\nwait = \"9 h\"\nwithin = \"0.2 s\"\nwithn = \"1 degC\"").map_err(|wrong| wrong.to_string());
+    insta::assert_snapshot!(wrong.expect_err("three mistakes"), @r#"
+    plan.toml:4:8: wait of 9 h is out of range
+     4 | wait = "9 h"
+       |        ^^^^^
+       = try: write 0 s to 8 h
+
+    plan.toml:5:10: "0.2 s" is a time, and "within" is a temperature
+     5 | within = "0.2 s"
+       |          ^^^^^^^
+       = try: a temperature is written in degC
+
+    plan.toml:6:1: unknown key "withn"
+     6 | withn = "1 degC"
+       | ^^^^^
+       = try: did you mean "within"?
+    "#);
+}

@@ -5,6 +5,8 @@ use gnc_executive::record::StopRecord;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
+use gnc_executive::verdict::Verdict;
+
 use super::*;
 
 /// An element as it was read.
@@ -155,7 +157,7 @@ fn record(outcome: Outcome, items: Vec<ItemRecord>) -> RunRecord {
     let at = chrono::DateTime::parse_from_rfc3339("2026-11-28T12:00:00+08:00").unwrap();
     RunRecord {
         schema: gnc_executive::record::RUN_SCHEMA.to_owned(),
-        outcome,
+        verdict: Verdict::Module(outcome),
         interrupted: false,
         serial_number: "SN-\u{7}\"<1>".to_owned(),
         plan: gnc_executive::event::PlanInfo {
@@ -246,13 +248,19 @@ fn what_no_item_says_is_a_case_of_its_own() {
     assert_eq!(whole(&good, None), None);
     let unrecorded = whole(&good, Some("no space left on device"));
     assert_eq!(unrecorded.as_deref(), Some("the record could not be written: no space left on device"));
-    let interrupted = RunRecord { interrupted: true, outcome: Outcome::Aborted, ..good.clone() };
+    let interrupted = RunRecord { interrupted: true, verdict: Verdict::Module(Outcome::Aborted), ..good.clone() };
     assert_eq!(whole(&interrupted, None).as_deref(), Some("the run has no end"));
     let stop = Some(StopRecord { how: StopHow::InOrder, by: "ctrl-C".to_owned() });
-    let stopped = RunRecord { stop, outcome: Outcome::Aborted, ..good.clone() };
+    let stopped = RunRecord { stop, verdict: Verdict::Module(Outcome::Aborted), ..good.clone() };
     assert_eq!(whole(&stopped, None).as_deref(), Some("the run was stopped by ctrl-C"));
-    let errored = RunRecord { outcome: Outcome::Errored, items: Vec::new(), ..good };
+    let errored = RunRecord { verdict: Verdict::Module(Outcome::Errored), items: Vec::new(), ..good.clone() };
     assert_eq!(whole(&errored, None).as_deref(), Some("the run is errored"));
+    // Good items of a selection are no pass that a server may count.
+    let chosen = Some(vec!["cpu".to_owned()]);
+    let selection = RunRecord { verdict: Verdict::Selection(Outcome::Passed), selection: chosen, ..good };
+    let told = whole(&selection, None);
+    assert_eq!(told.as_deref(), Some("only chosen items ran: this is not a pass of the module"));
+    assert_eq!(report(&selection, None).get("skipped"), "1");
 }
 
 #[test]

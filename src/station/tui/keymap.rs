@@ -25,6 +25,8 @@ pub(crate) enum KeyAction {
     AbortItem,
     /// Stops in order; again: at once.
     Stop,
+    /// Stops although captures are lost.
+    StopAnyway,
     /// Shows the next page.
     NextPage,
     /// Leaves the program.
@@ -110,6 +112,8 @@ pub(crate) enum KeyContext {
     Changed,
     /// The question whether to take a run up again.
     Interrupted,
+    /// The question whether to stop a run that would lose captures.
+    Stopping,
     /// The list of keys.
     Help,
 }
@@ -117,7 +121,7 @@ pub(crate) enum KeyContext {
 impl KeyContext {
     /// All places.
     #[cfg(test)]
-    pub(crate) const ALL: [KeyContext; 15] = [
+    pub(crate) const ALL: [KeyContext; 16] = [
         KeyContext::Idle,
         KeyContext::Running,
         KeyContext::Detail,
@@ -132,6 +136,7 @@ impl KeyContext {
         KeyContext::Confirm,
         KeyContext::Changed,
         KeyContext::Interrupted,
+        KeyContext::Stopping,
         KeyContext::Help,
     ];
 }
@@ -200,6 +205,9 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(7), KeyAction::AbortItem, &[KeyContext::Running]),
     shown(Key::F(8), KeyAction::Stop, RUN),
     silent(Key::Ctrl('c'), KeyAction::Stop, RUN),
+    // The same keys: whoever is in a hurry presses twice. Not Enter, which a scanner sends.
+    shown(Key::F(8), KeyAction::StopAnyway, &[KeyContext::Stopping]),
+    silent(Key::Ctrl('c'), KeyAction::StopAnyway, &[KeyContext::Stopping]),
     shown(Key::F(3), KeyAction::Verify, &[KeyContext::Records, KeyContext::Record]),
     shown(Key::F(4), KeyAction::Filter, &[KeyContext::Records]),
     shown(Key::F(5), KeyAction::Reload, &[KeyContext::Records]),
@@ -212,7 +220,11 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(6), KeyAction::FromStart, &[KeyContext::Interrupted]),
     // This ends the item that asks, as F7 does elsewhere. Esc does nothing here.
     shown(Key::F(7), KeyAction::No, &[KeyContext::Prompt]),
-    shown(Key::Esc, KeyAction::No, &[KeyContext::Confirm, KeyContext::Changed, KeyContext::Interrupted]),
+    shown(
+        Key::Esc,
+        KeyAction::No,
+        &[KeyContext::Confirm, KeyContext::Changed, KeyContext::Interrupted, KeyContext::Stopping],
+    ),
     shown(Key::Enter, KeyAction::Open, &[KeyContext::Records, KeyContext::Record]),
     silent(Key::Enter, KeyAction::Open, &[KeyContext::Idle, KeyContext::Running]),
     shown(Key::Enter, KeyAction::Take, &[KeyContext::Setup]),

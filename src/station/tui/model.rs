@@ -87,6 +87,8 @@ pub(crate) enum Over {
     NoResume { why: String },
     /// A run is on; leave?
     Leave,
+    /// A stop would lose captures of this bench time; stop?
+    Stop { lost_s: f64 },
 }
 
 /// The bench as far as the screen shows it.
@@ -437,6 +439,7 @@ impl ScreenModel {
             Some(Over::Again(_) | Over::NoResume { .. } | Over::Leave) => return KeyContext::Confirm,
             Some(Over::Changed(_)) => return KeyContext::Changed,
             Some(Over::Interrupted(_)) => return KeyContext::Interrupted,
+            Some(Over::Stop { .. }) => return KeyContext::Stopping,
             Some(Over::Help { .. }) => return KeyContext::Help,
             Some(Over::Setup(_)) => return KeyContext::Setup,
             _ => {}
@@ -466,6 +469,13 @@ impl ScreenModel {
     pub(crate) fn guidance(&self) -> Option<(&str, &Guidance)> {
         let progress = &self.run.as_ref().filter(|run| !run.over)?.progress;
         progress.iter().find_map(|each| Some((each.item.as_str(), each.guidance.as_deref()?)))
+    }
+
+    /// Bench time of the captures that a stop would lose.
+    pub(crate) fn lost_s(&self) -> f64 {
+        let run = self.run.as_ref().filter(|run| !run.over);
+        let guided = run.into_iter().flat_map(|run| &run.progress).filter_map(|each| each.guidance.as_deref());
+        guided.map(Guidance::lost_s).sum()
     }
 
     /// The run that the page shows, if it shows one.

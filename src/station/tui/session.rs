@@ -224,9 +224,13 @@ impl ScreenSession {
         match command {
             Effect::LookUp(serial_number) => {
                 let (held, records) = (self.held.clone(), self.records());
+                let number = serial_number.clone();
+                let look =
+                    prepare::Look { held: held.clone(), records: records.clone(), serial_number, selection: None };
+                self.aside(move || look.broke_off());
                 self.aside_if(move || {
-                    let standing = archive::standing(&held, &records, &serial_number);
-                    standing.map(|standing| Msg::Standing { serial_number, standing })
+                    let standing = archive::standing(&held, &records, &number);
+                    standing.map(|standing| Msg::Standing { serial_number: number, standing })
                 });
             }
             Effect::Prepare { serial_number, selection, resume } => {
@@ -290,6 +294,8 @@ impl ScreenSession {
             Looked::Plan { path, plan: Ok(checked) } => {
                 let (held, view): (HeldPlan, _) = *checked;
                 self.held.plan = Some(Arc::new(held));
+                let (held, records) = (self.held.clone(), self.records());
+                self.aside(move || prepare::newest_that_broke_off(&held, &records));
                 Msg::Plan { path, plan: Loaded::Ready(view) }
             }
             Looked::Plan { path, plan: Err(refusal) } => {

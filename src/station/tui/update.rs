@@ -18,7 +18,7 @@ use super::decode::Key;
 use super::input::{Input, Scanned};
 use super::lang::{Lang, Texts, fill};
 use super::model::{BenchView, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage};
-use super::pending::Prepared;
+use super::pending::{Interrupted, Prepared};
 use super::records::{Check, Checked, Day, OpenRun, RunMark, Runs, Unopened};
 use super::setup_form::Choices;
 
@@ -51,6 +51,8 @@ pub(crate) enum Msg {
     Plan { path: String, plan: Loaded<PlanView> },
     /// Files to choose from.
     Choices(Choices),
+    /// A run of a module broke off, as far as the records tell: after a scan, or at the start.
+    BrokeOff { serial_number: String, run: Option<Interrupted> },
     /// What the records say of a module, or why they cannot be read.
     Standing { serial_number: String, standing: Result<Standing, String> },
     /// What must be known before the run that was asked for begins.
@@ -173,6 +175,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         }
         Msg::Plan { path, plan } => return take_plan(model, path, plan),
         Msg::Choices(choices) => model.choices = choices,
+        Msg::BrokeOff { serial_number, run } => run::broke_off(model, &serial_number, run.as_ref()),
         Msg::Standing { serial_number, standing } => run::standing(model, &serial_number, standing),
         Msg::Prepared(prepared) => return start::prepared(model, *prepared),
         Msg::RoundBegins { folder } => {

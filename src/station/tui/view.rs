@@ -90,6 +90,7 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         Some(Over::Interrupted(run)) => dialog::interrupted(model, frame, body, run),
         Some(Over::NoResume { why }) => dialog::no_resume(model, frame, body, why),
         Some(Over::Leave) => dialog::leave(model, frame, body),
+        Some(Over::Stop { lost_s }) => dialog::stop(model, frame, body, *lost_s),
         Some(Over::Help { .. } | Over::Setup(_)) => {}
         _ => dialog::prompt(model, frame, body),
     }

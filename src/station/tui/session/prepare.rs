@@ -1,9 +1,11 @@
 //! What must be known before a run begins: whether the files are as they were checked, whether the module has a
 //! verdict that counts, and whether one of its runs broke off and can be taken up again.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use gnc_analysis::motion::{self, MotionStep};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::record::RunRecord;
 use gnc_records::resume::{Like, ResumeError, Resumed};
 use gnc_records::store::{captures, reader};
 use gnc_text::with_causes;
@@ -11,6 +13,7 @@ use gnc_text::with_causes;
 use super::archive;
 use super::files::{Held, NOT_HELD};
 use crate::tui::pending::{Interrupted, Prepared, Resumable};
+use crate::tui::update::Msg;
 
 /// Largest number of newest runs of a module that are read to find one that broke off.
 const MAX_LOOKED_AT: usize = 20;
@@ -37,6 +40,12 @@ impl Look {
         Prepared { serial_number: self.serial_number, changed, standing, resume }
     }
 
+    /// Tells the screen of a run of this module that broke off.
+    pub(super) fn broke_off(self) -> Msg {
+        let run = self.offered();
+        Msg::BrokeOff { serial_number: self.serial_number, run }
+    }
+
     /// The run that the command line named, or why it cannot be taken up.
     fn asked_for(&self, folder: PathBuf) -> Resumable {
         let Some(like) = self.like() else { return Resumable::No { why: NOT_HELD.to_owned() } };
@@ -60,10 +69,27 @@ impl Look {
                 && run.selection == self.selection
                 && run.recomputed.is_none()
         })?;
-        let broke_off = run.interrupted || run.verdict.of_items() == Outcome::Aborted;
+        let stopped = run.interrupted || run.verdict.of_items() == Outcome::Aborted;
         let captured = || captures::files(&folder).is_ok_and(|files| !files.is_empty());
-        let fits = broke_off && captured() && Resumed::read(&folder, like).is_ok();
+        if !(stopped || run.verdict.of_items() == Outcome::Errored) || !captured() {
+            return None;
+        }
+        let resumed = Resumed::read(&folder, like).ok()?;
+        // A run without its line ends as errored. One whose captures all exist would only come to the same error again.
+        let fits = stopped || self.lacks_captures(&run, &resumed);
         fits.then_some(Interrupted { folder, at: run.started })
+    }
+
+    /// Whether an item of a run has not made all captures of its program.
+    fn lacks_captures(&self, run: &RunRecord, resumed: &Resumed) -> bool {
+        let Some(held) = &self.held.plan else { return false };
+        let chosen = held.plan.plan().items().iter().zip(&run.items).filter(|(_, row)| row.selected);
+        chosen.into_iter().any(|(item, _)| {
+            let Ok(Some(program)) = motion::program(item.id, &item.params) else { return false };
+            let captures = resumed.captures(&item.name, 1).unwrap_or_default();
+            let mut heads = program.steps.iter().filter_map(MotionStep::about);
+            heads.any(|about| !captures.iter().any(|capture| capture.about == *about))
+        })
     }
 
     fn like(&self) -> Option<Like<'_>> {
@@ -71,4 +97,22 @@ impl Look {
         let (plan_sha256, serial_number) = (plan.plan.sha256(), self.serial_number.as_str());
         Some(Like { plan_sha256, serial_number, bench: &bench.bench, selection: self.selection.as_deref() })
     }
+}
+
+/// Tells the screen, when it has read a plan, of the newest run that broke off.
+pub(super) fn newest_that_broke_off(held: &Held, records: &Path) -> Msg {
+    let newest = reader::newest(records, MAX_LOOKED_AT).filter_map(|folder| reader::read(&folder).ok());
+    // Only the newest run of the station: an older one was left behind.
+    let found = newest.take(1).find_map(|run| {
+        let serial_number = run.serial_number;
+        let look = Look {
+            held: held.clone(),
+            records: records.to_owned(),
+            serial_number: serial_number.clone(),
+            selection: None,
+        };
+        look.offered().map(|run| (serial_number, run))
+    });
+    let (serial_number, run) = found.map_or((String::new(), None), |(number, run)| (number, Some(run)));
+    Msg::BrokeOff { serial_number, run }
 }

@@ -211,3 +211,73 @@ fn a_verdict_goes_with_its_plan() {
     assert!(scene.text().contains("unknown item"), "{}", scene.text());
     assert_eq!(scene.key(Key::F(5)), Some(choose()), "it may have been mended");
 }
+
+/// A scan, or the start of the program, tells of a run that can be resumed. A later scan of another module does not.
+#[test]
+fn a_run_that_broke_off_is_told() {
+    let told = |serial_number: &str| Msg::BrokeOff {
+        serial_number: serial_number.into(),
+        run: Some(Interrupted { folder: RUN.into(), at: at() }),
+    };
+    check("broke-off", |scene| {
+        scene.types("DEMO-1");
+        scene.key(Key::Enter);
+        scene.tell(told("DEMO-1"));
+    });
+    check("broke-off-scan", |scene| drop(scene.tell(told("DEMO-1"))));
+    let mut scene = scene(Lang::En);
+    scene.types("DEMO-2");
+    scene.key(Key::Enter);
+    scene.tell(told("DEMO-1"));
+    assert!(!scene.text().contains("broke off"), "{}", scene.text());
+}
+
+/// F8 asks if it would lose more than ten minutes of captures. A scanner's Enter does not answer; F8 and F8 again stop.
+#[test]
+fn a_stop_that_loses_captures_is_asked_about() {
+    let in_the_hour = |lang: Lang, captured_s: f64| {
+        let mut scene = Scene::capturing(lang, (80, 24), "bias-stability", 0).expect("a terminal in memory");
+        let mut guidance = scene.guidance("bias-stability", 0, 0.0);
+        guidance.captured_s = captured_s;
+        scene.guided("bias-stability", guidance);
+        scene
+    };
+    for lang in Lang::ALL {
+        let mut scene = in_the_hour(lang, 3000.0);
+        assert_eq!(scene.key(Key::F(8)), None);
+        insta::assert_snapshot!(format!("stop-{lang:?}-80"), scene.text());
+    }
+    let mut scene = in_the_hour(Lang::En, 601.0);
+    assert_eq!(scene.key(Key::F(8)), None);
+    for key in [Key::Enter, Key::F(5), Key::F(6)] {
+        assert_eq!((scene.key(key), scene.model.over.len()), (None, 1), "{key:?}");
+    }
+    assert_eq!((scene.key(Key::Esc), scene.model.over.len()), (None, 0), "it goes on");
+    scene.key(Key::F(8));
+    assert_eq!((scene.key(Key::F(8)), scene.model.over.len()), (Some(Effect::Stop), 0));
+    assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop), "at once, without a question");
+    let mut scene = in_the_hour(Lang::En, 600.0);
+    assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop), "ten minutes are not asked about");
+    // Whoever leaves was asked already.
+    let mut scene = in_the_hour(Lang::En, 3000.0);
+    scene.key(Key::F(10));
+    assert_eq!(scene.key(Key::Enter), Some(Effect::Stop));
+}
+
+/// A wait for the module's heat, with its temperature, its target and the time left.
+#[test]
+fn a_wait_for_heat_is_shown() {
+    use gnc_analysis::heat::{Temperatures, Warmth};
+    use gnc_bench::guidance::Stage;
+    let at = |c: f64| Temperatures { gyro_c: c + 0.1, accel_c: c - 0.1 };
+    for lang in Lang::ALL {
+        let mut scene = Scene::capturing(lang, (80, 24), "six-position", 2).expect("a terminal in memory");
+        let mut guidance = scene.guidance("six-position", 2, 0.0);
+        let left_s = Some(254.0);
+        let warmth = Warmth { now: at(25.31), target: at(28.02), left_s, bound_s: 1700.0, waited_s: 100.0 };
+        guidance.stage = Stage::Warming(warmth);
+        scene.guided("six-position", guidance);
+        scene.key(Key::F(9));
+        insta::assert_snapshot!(format!("heat-{lang:?}-80"), scene.text());
+    }
+}

@@ -10,6 +10,8 @@ use crate::tui::pending::PendingStart;
 use crate::tui::records::Check;
 use crate::tui::setup_form::{Form, FormLine, MAX_ROUNDS};
 
+/// Bench time of lost captures from which a stop is asked about: less is made again while the operator fetches a coffee.
+const ASK_FROM_S: f64 = 600.0;
 /// Lines that a page key moves.
 const PAGE_LINES: isize = 10;
 
@@ -74,7 +76,11 @@ fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<
         KeyAction::Watch => return watch(model),
         KeyAction::Pause => return pause(model),
         KeyAction::AbortItem => return abort_item(model),
-        KeyAction::Stop => return stop(model),
+        KeyAction::Stop => return stop_or_ask(model),
+        KeyAction::StopAnyway => {
+            model.over.retain(|over| !matches!(over, Over::Stop { .. }));
+            return stop(model);
+        }
         KeyAction::NextPage => return next_page(model),
         KeyAction::Leave => return leave(model),
         KeyAction::Tick => tick(model),
@@ -218,6 +224,16 @@ fn abort_item(model: &mut ScreenModel) -> Option<Effect> {
     Some(Effect::AbortItem(item))
 }
 
+/// Stops the run, or asks first if the stop would lose much. Only the first stop asks.
+fn stop_or_ask(model: &mut ScreenModel) -> Option<Effect> {
+    let lost_s = model.lost_s();
+    if lost_s > ASK_FROM_S && model.run.as_ref().is_some_and(|run| !run.over && run.stops == 0) {
+        model.over.push(Over::Stop { lost_s });
+        return None;
+    }
+    stop(model)
+}
+
 fn stop(model: &mut ScreenModel) -> Option<Effect> {
     if model.watching {
         return Some(Effect::Stop);
@@ -348,6 +364,9 @@ fn back(model: &mut ScreenModel, place: KeyContext) {
 }
 
 fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
+    if model.over.pop_if(|over| matches!(over, Over::Stop { .. })).is_some() {
+        return None;
+    }
     if model.over.pop_if(|over| *over == Over::Leave).is_some() {
         if yes {
             model.leaving = true;

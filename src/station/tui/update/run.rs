@@ -9,6 +9,7 @@ use gnc_records::standing::Standing;
 
 use super::{Effect, words};
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
+use crate::tui::pending::Interrupted;
 
 /// Folds an event as every other observer does.
 pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
@@ -61,6 +62,19 @@ pub(super) fn asked(model: &mut ScreenModel, item: String, ask: Ask) {
     }
 }
 
+/// Tells of a run that can be resumed.
+pub(super) fn broke_off(model: &mut ScreenModel, serial_number: &str, run: Option<&Interrupted>) {
+    let Some(run) = run.filter(|_| !model.is_running() && model.resume.is_none()) else { return };
+    let template = match &model.scan.current {
+        Some(current) if current == serial_number => model.texts.broke_off,
+        None if model.scan.typed.is_empty() => model.texts.broke_off_scan,
+        _ => return,
+    };
+    let at = run.at.format("%F %H:%M").to_string();
+    let said = words(template, &[&gnc_text::printable(serial_number), &at]);
+    model.say(MessageWeight::Warning, said);
+}
+
 /// Takes what the records say of the module.
 pub(super) fn standing(model: &mut ScreenModel, serial_number: &str, standing: Result<Standing, String>) {
     if model.scan.current.as_deref() != Some(serial_number) {
@@ -99,7 +113,7 @@ pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal
         model.say(weight, what);
     }
     // The question whether to stop the run needs no answer any more.
-    model.over.retain(|over| *over != Over::Leave);
+    model.over.retain(|over| !matches!(over, Over::Leave | Over::Stop { .. }));
     if leaving { Some(Effect::Leave) } else { missed.map(Effect::Refold) }
 }
 

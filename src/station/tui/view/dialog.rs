@@ -102,6 +102,12 @@ pub(super) fn leave(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     question(model, frame, area, model.texts.leave_title, &[model.texts.leave_question.to_owned()]);
 }
 
+/// A stop would lose captures.
+pub(super) fn stop(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, lost_s: f64) {
+    let words = fill(model.texts.stop_question, &[&duration(lost_s)]);
+    question(model, frame, area, model.texts.stop_title, &[words]);
+}
+
 /// The run asks for something.
 pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
