@@ -255,6 +255,12 @@ impl Standing {
         self.counts.as_ref().and_then(|run| run.verdict).is_some_and(Verdict::passes_module)
     }
 
+    /// Whether this plan was run as a whole on the module, whatever that is worth: a person may not want it twice.
+    pub fn was_run(&self) -> bool {
+        let this_whole = |run: &PastRun| run.plan == self.plan && run.items.is_none();
+        self.counts.is_some() || self.beside.as_ref().is_some_and(this_whole)
+    }
+
     /// Whether there is any run of the module.
     pub fn is_tested(&self) -> bool {
         self.counts.is_some() || self.beside.is_some()

@@ -75,7 +75,7 @@ pub(crate) enum Over {
     Item { name: String, scroll: usize },
     /// The log of the run shown.
     Log { scroll: usize },
-    /// The module has a verdict that counts; test it again?
+    /// The plan was run on the module before; test it again?
     Again(Standing),
     /// Files are not as they were checked; run what was checked, or read them again?
     Changed(Vec<ChangedFile>),

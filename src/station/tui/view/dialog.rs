@@ -55,7 +55,7 @@ fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str,
     frame.render_widget(Paragraph::new(shown), place);
 }
 
-/// The module has a verdict that counts.
+/// The plan was run on the module before.
 pub(super) fn again(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, standing: &Standing) {
     let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
     let said = format!("{number}: {}", lang::standing(model.texts, standing));
