@@ -18,11 +18,12 @@ use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
+use gnc_executive::standing::{PlanAsked, Question, Standing};
 use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::resume::{Like, ResumeError, Resumed};
-use gnc_records::standing::{self, PlanAsked, Question, Standing};
+use gnc_records::standing;
 use gnc_records::store::{RecordWriter, RunFolder, StationKey, StoreError, Watcher, seal_interrupted};
 use tokio::time::Instant;
 

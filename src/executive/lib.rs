@@ -22,6 +22,7 @@ pub mod outcome;
 pub mod plan;
 pub mod quantity;
 pub mod record;
+pub mod standing;
 pub mod state;
 pub mod text;
 pub mod uncertainty;

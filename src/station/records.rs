@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_executive::record::RunRecord;
+use gnc_executive::standing::Seal;
 use gnc_executive::text;
-use gnc_records::standing::{Seal, Seals};
+use gnc_records::standing::Seals;
 use gnc_records::store::{PublicKey, StationKey, StoreError, chain, reader};
 use gnc_text::printable;
 

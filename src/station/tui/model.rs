@@ -12,9 +12,9 @@ use gnc_bench::guidance::Guidance;
 use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Phase, PlanItem};
+use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
-use gnc_records::standing::Standing;
 
 use super::field::InputField;
 use super::keymap::KeyContext;

@@ -10,8 +10,8 @@ use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{AttemptError, BoardBreach, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::standing::{Flaw, PastRun, Standing};
 use gnc_executive::verdict::Verdict;
-use gnc_records::standing::{Flaw, PastRun, Standing};
 use gnc_rig::{Along, Orientation};
 
 use super::decode::Key;

@@ -1,7 +1,7 @@
 //! Layers over a page: questions and the list of keys.
 
+use gnc_executive::standing::Standing;
 use gnc_executive::text::duration;
-use gnc_records::standing::Standing;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
