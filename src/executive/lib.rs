@@ -23,6 +23,7 @@ pub mod plan;
 pub mod quantity;
 pub mod record;
 pub mod serial_number;
+pub mod standing;
 pub mod state;
 pub mod text;
 pub mod uncertainty;

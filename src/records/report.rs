@@ -16,12 +16,12 @@ use std::io;
 use gnc_executive::event::{BenchKind, NoteLevel};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemRecord, RunRecord};
+use gnc_executive::standing::{Flaw, own_flaws};
 use gnc_executive::text::{banners, common_fault, duration};
 use gnc_executive::uncertainty::Decision;
 use gnc_plot::svg;
 
 use crate::passport::{NoPassport, Passport};
-use crate::standing::{Flaw, own_flaws};
 use markup::SvgPage;
 
 /// Word and class of the style sheet for good items of a selection, which are no pass of the module.

@@ -1,307 +1,270 @@
-//! The standing of a module: what its records say of it, by one rule for every face.
+//! Finds the runs of a module for the rule of [`gnc_executive::standing`], without reading more of them than the answer
+//! needs.
 //!
-//! A verdict counts for a module if its run covered the whole plan, on a real bench, by just this plan, not longer ago than
-//! the plan allows, and if its record is closed, stands in the chain and is as it was closed. A run on a simulated bench
-//! counts on a simulated bench alone. Everything else is called what it is: see [`Flaw`].
-//!
-//! This file is the rule and its words. [`read`] finds the runs.
+//! The chain tells which runs of the module were closed, and in which order, whatever the clocks said. So the newest run
+//! that counts is found from the chains of the days that can count. Folders are looked at only for what to call a module
+//! for which nothing counts.
 
-mod found;
+use std::collections::HashMap;
+use std::fs::{self, File};
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::path::{Path, PathBuf};
 
-use std::fmt;
-
-use chrono::{DateTime, FixedOffset, TimeDelta};
-use gnc_executive::event::{BenchKind, PlanInfo};
+use chrono::{DateTime, FixedOffset, NaiveDate, NaiveDateTime, TimeDelta};
+use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, PlanInfo};
 use gnc_executive::outcome::Outcome;
-use gnc_executive::record::RunRecord;
+use gnc_executive::standing::{Flaw, PastRun, Question, RunFacts, Seal, Standing};
 use gnc_executive::verdict::Verdict;
-use gnc_text::printable;
+use serde::Deserialize;
 
-pub use found::{Seals, read};
+use crate::store::chain::DayLinks;
+use crate::store::digest::{self, FileDigests};
+use crate::store::folder::folder_name;
+use crate::store::{self, DIGESTS, JOURNAL, RECORD, StoreError, chain, reader};
 
-/// How far a run may lie ahead of the clock and still count: a clock that is set right by its time service jumps back by
-/// seconds to minutes.
-const CLOCK_SLACK: TimeDelta = TimeDelta::minutes(10);
+/// Most closed runs of a module whose records are opened to find one that counts: more than a socket can make of one
+/// module in a month.
+const MAX_COUNTED: usize = 10_000;
 
-/// Most names of chosen items in a sentence; more are counted.
-const NAMED_ITEMS: usize = 3;
+/// Most runs that are opened to find out what to call a module, or what came after the run that counts.
+const MAX_NAMED: usize = 50;
 
-/// Which plan a question is about.
-#[derive(Clone, Copy, Debug)]
-pub enum PlanAsked<'a> {
-    /// The plan with this digest.
-    This(&'a PlanInfo),
-    /// Any version of the plan with this name: a plan names those that it requires.
-    Named(&'a str),
+/// Longest first line of a journal: it names all items of a plan, at most 20,000.
+const MAX_FIRST_LINE: u64 = 16 << 20;
+
+/// Days around the date of a run: its folder has the date of its place, and the question that of another.
+const DATE_SLACK: TimeDelta = TimeDelta::days(1);
+
+/// The standing of a module.
+///
+/// # Errors
+/// [`StoreError`]: the records cannot be read, so nothing can be said.
+pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreError> {
+    let mut standing = Standing { plan: question.plan.name().to_owned(), counts: None, beside: None };
+    // The first run of a station creates the folder.
+    if !records.exists() {
+        return Ok(standing);
+    }
+    let mut seals = Seals::new(records);
+    let Closed { counted, missing } = closed(records, question, &mut seals)?;
+    let beside = match &counted {
+        Some((folder, _)) => doubt(records, question, folder, &mut seals)?,
+        None => newest(records, question, &mut seals)?,
+    };
+    standing.beside = beside.or(missing.map(|folder| nameless(&folder, question, Flaw::Missing)));
+    standing.counts = counted.map(|(_, run)| run);
+    Ok(standing)
 }
 
-impl PlanAsked<'_> {
-    /// Name of the plan.
-    fn name(&self) -> &str {
-        match self {
-            Self::This(plan) => &plan.name,
-            Self::Named(name) => name,
+/// What the chain says of the runs of a module.
+#[derive(Default)]
+struct Closed {
+    /// The newest run that counts, with its folder.
+    counted: Option<(PathBuf, PastRun)>,
+    /// The newest run after that one whose folder is gone.
+    missing: Option<PathBuf>,
+}
+
+/// Looks from the newest closed run back to the first one that counts.
+fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Closed, StoreError> {
+    let last = (question.now + DATE_SLACK).date_naive();
+    let first = (question.now - TimeDelta::days(i64::from(question.valid_days)) - DATE_SLACK).date_naive();
+    let name = folder_name(question.serial_number);
+    let mut closed: Vec<(u64, PathBuf)> = Vec::new();
+    for day in reader::day_names(records)? {
+        let date = NaiveDate::parse_from_str(&day, "%Y-%m-%d");
+        let in_time = date.is_ok_and(|date| (first..=last).contains(&date));
+        if in_time && records.join(&day).join(&name).is_dir() {
+            closed.extend(seals.day(&day)?.of_module(&name).map(|(number, run)| (number, records.join(run))));
         }
     }
-}
-
-/// A question about a module.
-#[derive(Clone, Copy, Debug)]
-pub struct Question<'a> {
-    /// The module's serial number, as scanned. Another case of a letter is another module.
-    pub serial_number: &'a str,
-    /// The plan.
-    pub plan: PlanAsked<'a>,
-    /// Days for which a verdict counts.
-    pub valid_days: u32,
-    /// The bench that asks.
-    pub bench: BenchKind,
-    /// The time by the clock of the computer.
-    pub now: DateTime<FixedOffset>,
-}
-
-/// Why a run does not count for the module.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Flaw {
-    /// The chain names the run, and its folder is gone.
-    Missing,
-    /// The record cannot be read.
-    Unreadable,
-    /// A station is carrying the run out now.
-    UnderWay,
-    /// The folder has no digests.
-    NotClosed,
-    /// The run has no end.
-    Interrupted,
-    /// The chain does not name the run.
-    NotInChain,
-    /// The record is not as it was closed, or its line in the chain was changed.
-    Changed,
-    /// A program played the module.
-    Simulated,
-    /// Old samples were judged again.
-    Rejudged,
-    /// Another plan.
-    OtherPlan,
-    /// The same name, and other texts.
-    OtherVersion,
-    /// Chosen items alone.
-    Selection,
-    /// The station could not tell, or the run was stopped.
-    NoVerdict,
-    /// Longer ago than the plan allows.
-    TooOld,
-    /// Later than now by the clock of the computer.
-    InFuture,
-}
-
-impl Flaw {
-    /// The flaw in words behind what the run says of itself; `None` if that says it already.
-    pub fn words(self) -> Option<&'static str> {
-        Some(match self {
-            Self::Missing => "record is missing",
-            Self::Unreadable => "record cannot be read",
-            Self::UnderWay => "still running",
-            Self::NotClosed => "record not closed",
-            Self::Interrupted => "interrupted",
-            Self::NotInChain => "not in the chain",
-            Self::Changed => "record was changed",
-            Self::Simulated => "simulated",
-            Self::Rejudged => "re-judged by other limits",
-            Self::OtherVersion => "by another version of the plan",
-            Self::TooOld => "too long ago",
-            Self::InFuture => "later than this computer's clock",
-            Self::OtherPlan | Self::Selection | Self::NoVerdict => return None,
-        })
-    }
-}
-
-/// How a record is kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seal {
-    /// Closed, in the chain, and as it was closed. Raw samples are not compared.
-    Chained,
-    /// It has this flaw.
-    Flawed(Flaw),
-}
-
-/// What a record says of a run, as far as the standing needs it.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct RunFacts {
-    pub(crate) serial_number: String,
-    pub(crate) plan: PlanInfo,
-    pub(crate) bench: BenchKind,
-    pub(crate) selection: Option<Vec<String>>,
-    pub(crate) rejudged: bool,
-    pub(crate) interrupted: bool,
-    /// `None` if the record has no verdict.
-    pub(crate) verdict: Option<Verdict>,
-    pub(crate) started: DateTime<FixedOffset>,
-    pub(crate) ended: Option<DateTime<FixedOffset>>,
-}
-
-impl From<&RunRecord> for RunFacts {
-    fn from(record: &RunRecord) -> Self {
-        Self {
-            serial_number: record.serial_number.clone(),
-            plan: record.plan.clone(),
-            bench: record.bench.kind,
-            selection: record.selection.clone(),
-            rejudged: record.recomputed.is_some(),
-            interrupted: record.interrupted,
-            verdict: Some(record.verdict),
-            started: record.started,
-            ended: record.finished,
+    closed.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
+    let mut found = Closed::default();
+    for (_, folder) in closed.into_iter().take(MAX_COUNTED) {
+        if found.missing.is_none() && !folder.exists() {
+            found.missing = Some(folder);
+            continue;
+        }
+        let Some(facts) = facts(&folder).filter(|facts| facts.serial_number == question.serial_number) else {
+            continue;
+        };
+        let flaws = facts.flaws(question);
+        // Digests are compared only where everything else is right.
+        if flaws.is_empty() && seals.seal(&folder)? == Seal::Chained {
+            found.counted = Some((folder, PastRun::new(&facts, flaws)));
+            break;
         }
     }
+    Ok(found)
 }
 
-impl RunFacts {
-    /// Why the run cannot count for its module, whoever asks: the part of the rule that its own record can tell.
-    fn own_flaws(&self) -> Vec<Flaw> {
-        let judged = self
-            .verdict
-            .is_some_and(|verdict| matches!(verdict.of_items(), Outcome::Passed | Outcome::Marginal | Outcome::Failed));
-        let flaws = [
-            (self.interrupted, Flaw::Interrupted),
-            (self.bench == BenchKind::Simulated, Flaw::Simulated),
-            (self.rejudged, Flaw::Rejudged),
-            (self.selection.is_some(), Flaw::Selection),
-            (!judged, Flaw::NoVerdict),
-        ];
-        flaws.into_iter().filter(|(is, _)| *is).map(|(_, flaw)| flaw).collect()
+/// The newest run after the one that counts that puts it in doubt.
+fn doubt(
+    records: &Path,
+    question: &Question<'_>,
+    counted: &Path,
+    seals: &mut Seals<'_>,
+) -> Result<Option<PastRun>, StoreError> {
+    let later = reader::newest_of_module(records, question.serial_number).take_while(|folder| folder != counted);
+    for folder in later.take(MAX_NAMED) {
+        if let Some(run) = past(&folder, question, seals)?.filter(|run| run.is_doubt(question.bench)) {
+            return Ok(Some(run));
+        }
     }
-
-    /// Why the run does not answer a question, apart from how its record is kept.
-    fn flaws(&self, question: &Question<'_>) -> Vec<Flaw> {
-        let mut flaws = self.own_flaws();
-        if question.bench == BenchKind::Simulated {
-            flaws.retain(|flaw| *flaw != Flaw::Simulated);
-        }
-        match question.plan {
-            PlanAsked::This(plan) if plan.name == self.plan.name && plan.sha256 != self.plan.sha256 => {
-                flaws.push(Flaw::OtherVersion);
-            }
-            plan if plan.name() != self.plan.name => flaws.push(Flaw::OtherPlan),
-            PlanAsked::This(_) | PlanAsked::Named(_) => {}
-        }
-        if self.started > question.now + CLOCK_SLACK {
-            flaws.push(Flaw::InFuture);
-        }
-        let at = self.ended.unwrap_or(self.started);
-        if question.now - at > TimeDelta::days(i64::from(question.valid_days)) {
-            flaws.push(Flaw::TooOld);
-        }
-        flaws
-    }
+    Ok(None)
 }
 
-/// A run of a module, and what it is worth.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PastRun {
-    /// When it ended, or began if it has no end; `None` if nothing tells.
-    pub at: Option<DateTime<FixedOffset>>,
-    /// Name of its plan; that of its folder if the record cannot be read.
-    pub plan: String,
-    /// How it ended, if the record says it.
-    pub verdict: Option<Verdict>,
-    /// Its chosen items, if it was a selection.
-    pub items: Option<Vec<String>>,
-    /// Whether a program played the module.
-    pub simulated: bool,
-    /// Why it does not count; empty if it does.
-    pub flaws: Vec<Flaw>,
-}
-
-impl PastRun {
-    /// A run of which only the name of its folder is known.
-    fn nameless(plan: String, at: Option<DateTime<FixedOffset>>, flaw: Flaw) -> Self {
-        Self { at, plan, verdict: None, items: None, simulated: false, flaws: vec![flaw] }
-    }
-
-    fn new(facts: &RunFacts, flaws: Vec<Flaw>) -> Self {
-        Self {
-            at: Some(facts.ended.unwrap_or(facts.started)),
-            plan: facts.plan.name.clone(),
-            verdict: facts.verdict,
-            items: facts.selection.clone(),
-            simulated: facts.bench == BenchKind::Simulated,
-            flaws,
+/// The newest run of the module by this plan; if there is none, the newest of all.
+fn newest(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
+    let plan = folder_name(question.plan.name());
+    let of_plan = |folder: &PathBuf| plan_folder(folder).starts_with(&plan);
+    let runs = || reader::newest_of_module(records, question.serial_number);
+    for folder in runs().filter(of_plan).take(MAX_NAMED) {
+        if let Some(run) = past(&folder, question, seals)?.filter(|run| run.plan == question.plan.name()) {
+            return Ok(Some(run));
         }
     }
-
-    /// Whether a pass before this run is in doubt because of it.
-    fn is_doubt(&self, of: BenchKind) -> bool {
-        let of_this_world = of == BenchKind::Simulated || !self.simulated;
-        let good = self.verdict.is_some_and(|verdict| verdict.of_items().is_good());
-        of_this_world && !self.flaws.contains(&Flaw::Rejudged) && !good
-    }
-}
-
-/// The standing of a module by one plan.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Standing {
-    /// Name of the plan.
-    pub plan: String,
-    /// The newest run that counts.
-    pub counts: Option<PastRun>,
-    /// A later run that puts it in doubt; or, if no run counts, the newest run, of this plan before others.
-    pub beside: Option<PastRun>,
-}
-
-impl Standing {
-    /// Whether a run counts and passed the module.
-    pub fn passes(&self) -> bool {
-        self.counts.as_ref().and_then(|run| run.verdict).is_some_and(Verdict::passes_module)
-    }
-
-    /// Whether there is any run of the module.
-    pub fn is_tested(&self) -> bool {
-        self.counts.is_some() || self.beside.is_some()
-    }
-}
-
-/// Why a run does not count for its module, as far as its own record can tell; empty if it may count. Whether the record
-/// is closed and in the chain is known only later.
-pub fn own_flaws(record: &RunRecord) -> Vec<Flaw> {
-    RunFacts::from(record).own_flaws()
-}
-
-/// "only identity passed 2026-11-28 14:30: simulated".
-impl fmt::Display for PastRun {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.items {
-            None => write!(f, "{}", printable(&self.plan))?,
-            Some(items) if items.len() <= NAMED_ITEMS => write!(f, "only {}", printable(&items.join(", ")))?,
-            Some(items) => write!(f, "only {} items", items.len())?,
+    for folder in runs().take(MAX_NAMED) {
+        if let Some(run) = past(&folder, question, seals)? {
+            return Ok(Some(run));
         }
-        if let Some(verdict) = self.verdict.filter(|_| !self.flaws.contains(&Flaw::Interrupted)) {
-            let outcome = verdict.of_items();
-            write!(f, " {}", if outcome == Outcome::NotRun { "not run" } else { outcome.as_str() })?;
-        }
-        if let Some(at) = self.at {
-            write!(f, " {}", at.format("%F %H:%M"))?;
-        }
-        let flaws: Vec<&str> = self.flaws.iter().filter_map(|flaw| flaw.words()).collect();
-        if flaws.is_empty() { Ok(()) } else { write!(f, ": {}", flaws.join(", ")) }
     }
+    Ok(None)
 }
 
-/// "functional passed 2026-11-28 14:30", "incoming passed 2026-11-28 14:30; functional never".
-impl fmt::Display for Standing {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match (&self.counts, &self.beside) {
-            (Some(counts), beside) => {
-                write!(f, "{counts}")?;
-                if counts.simulated {
-                    f.write_str(", simulated")?;
-                }
-                beside.as_ref().map_or(Ok(()), |beside| write!(f, "; then {beside}"))
-            }
-            (None, Some(beside)) if beside.plan == self.plan => write!(f, "{beside}"),
-            (None, Some(beside)) => write!(f, "{beside}; {} never", printable(&self.plan)),
-            (None, None) => f.write_str("never tested"),
+/// The name of a run's folder without its time: it begins with the name of the plan.
+fn plan_folder(run: &Path) -> String {
+    let name = run.file_name().unwrap_or_default().to_string_lossy();
+    name.split_once('-').map_or_else(String::new, |(_, plan)| plan.to_owned())
+}
+
+/// A run of which only the name of its folder tells.
+fn nameless(folder: &Path, question: &Question<'_>, flaw: Flaw) -> PastRun {
+    let day = folder.ancestors().nth(2).and_then(Path::file_name).unwrap_or_default().to_string_lossy();
+    let run = folder.file_name().unwrap_or_default().to_string_lossy();
+    let time = format!("{day} {}", run.split('-').next().unwrap_or_default());
+    let at = NaiveDateTime::parse_from_str(&time, "%Y-%m-%d %H%M%S").ok();
+    // The folder is named by the time of its place, which is mostly this place.
+    let at = at.and_then(|at| at.and_local_timezone(question.now.timezone()).earliest());
+    PastRun::nameless(plan_folder(folder), at, flaw)
+}
+
+/// A run as it is; `None` if it belongs to another module, whose number gives the same name of a folder.
+fn past(folder: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
+    let kept = match seals.seal(folder)? {
+        Seal::Chained => None,
+        Seal::Flawed(flaw) => Some(flaw),
+    };
+    let Some(facts) = facts(folder).or_else(|| begun(folder)) else {
+        // Nothing tells whose run it is, but it stands among those of this module.
+        return Ok(Some(nameless(folder, question, Flaw::Unreadable)));
+    };
+    if facts.serial_number != question.serial_number {
+        return Ok(None);
+    }
+    let mut flaws = facts.flaws(question);
+    if let Some(flaw) = kept {
+        // A run that is not closed has no verdict that could count, and needs no second word for that.
+        flaws.retain(|flaw| *flaw != Flaw::NoVerdict);
+        flaws.insert(0, flaw);
+    }
+    Ok(Some(PastRun::new(&facts, flaws)))
+}
+
+/// The part of `run.json` that the standing needs.
+#[derive(Deserialize)]
+struct RecordHead {
+    outcome: Option<Outcome>,
+    #[serde(default)]
+    selection_outcome: Option<Outcome>,
+    interrupted: bool,
+    serial_number: String,
+    plan: PlanInfo,
+    #[serde(default)]
+    recomputed: Option<EarlierRun>,
+    bench: BenchInfo,
+    selection: Option<Vec<String>>,
+    started: DateTime<FixedOffset>,
+    finished: Option<DateTime<FixedOffset>>,
+}
+
+/// What the record of a run says; `None` if it has none, or a damaged one.
+fn facts(folder: &Path) -> Option<RunFacts> {
+    let bytes = fs::read(folder.join(RECORD)).ok()?;
+    let head: RecordHead = serde_json::from_slice(&bytes).ok()?;
+    let outcome = head.outcome.or(head.selection_outcome)?;
+    Some(RunFacts {
+        serial_number: head.serial_number,
+        plan: head.plan,
+        bench: head.bench.kind,
+        rejudged: head.recomputed.is_some(),
+        interrupted: head.interrupted,
+        verdict: Some(Verdict::new(outcome, head.selection.is_some() || head.selection_outcome.is_some())),
+        selection: head.selection,
+        started: head.started,
+        ended: head.finished,
+    })
+}
+
+/// What the first line of a journal says of a run that has no record, or a damaged one.
+fn begun(folder: &Path) -> Option<RunFacts> {
+    let mut line = Vec::new();
+    let journal = BufReader::new(File::open(folder.join(JOURNAL)).ok()?);
+    journal.take(MAX_FIRST_LINE).read_until(b'\n', &mut line).ok()?;
+    let event: Event = serde_json::from_slice(&line).ok()?;
+    let EventKind::RunStarted { header, .. } = event.kind else { return None };
+    Some(RunFacts {
+        serial_number: header.serial_number,
+        plan: header.plan,
+        bench: header.bench.kind,
+        selection: header.selection,
+        rejudged: header.recomputed.is_some(),
+        interrupted: false,
+        verdict: None,
+        started: event.at,
+        ended: None,
+    })
+}
+
+/// How records are kept, by the chains of their days. Each chain is read once.
+#[derive(Debug)]
+pub struct Seals<'a> {
+    records: &'a Path,
+    days: HashMap<String, DayLinks>,
+}
+
+impl<'a> Seals<'a> {
+    /// Nothing is read yet.
+    pub fn new(records: &'a Path) -> Self {
+        Self { records, days: HashMap::new() }
+    }
+
+    /// How the record of a run is kept: its digests against the chain, and `run.json` against the digests.
+    ///
+    /// # Errors
+    /// The chain of its day cannot be read.
+    pub fn seal(&mut self, run: &Path) -> Result<Seal, StoreError> {
+        if !reader::is_sealed(run) {
+            let flaw = if store::goes_on(run) { Flaw::UnderWay } else { Flaw::NotClosed };
+            return Ok(Seal::Flawed(flaw));
         }
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let Some(link) = self.day(&day)?.find(&name) else { return Ok(Seal::Flawed(Flaw::NotInChain)) };
+        let sums = digest::of_file(&run.join(DIGESTS));
+        let as_closed = link.is_sound && sums.is_ok_and(|sums| sums == link.digest) && {
+            let promised = FileDigests::read(run).ok().and_then(|(sums, _)| sums.get(RECORD).map(str::to_owned));
+            promised.is_some() && digest::of_file(&run.join(RECORD)).ok() == promised
+        };
+        Ok(if as_closed { Seal::Chained } else { Seal::Flawed(Flaw::Changed) })
+    }
+
+    fn day(&mut self, day: &str) -> Result<&DayLinks, StoreError> {
+        if !self.days.contains_key(day) {
+            let links = chain::of_day(self.records, day)?;
+            self.days.insert(day.to_owned(), links);
+        }
+        Ok(self.days.entry(day.to_owned()).or_default())
     }
 }
 

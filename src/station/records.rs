@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_executive::record::RunRecord;
+use gnc_executive::standing::Seal;
 use gnc_executive::text;
-use gnc_records::standing::Seal;
 use gnc_records::store::reader::{self, Wanted};
 use gnc_records::store::{PublicKey, StationKey, StoreError, chain};
 use gnc_text::printable;

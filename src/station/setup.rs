@@ -12,9 +12,10 @@ use gnc_executive::bench::{BenchFile, BenchSite, OperatorHabit, ScannerSettings,
 use gnc_executive::event::{BenchInfo, BenchKind};
 use gnc_executive::job::BenchAbilities;
 use gnc_executive::serial_number::SerialNumberPattern;
+use gnc_executive::standing::{PlanAsked, Question, Standing};
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
-use gnc_records::standing::{self, PlanAsked, Question, Standing};
+use gnc_records::standing;
 use gnc_records::store::{StationKey, StoreError};
 
 use crate::args::{RunArgs, SimLink};

@@ -48,7 +48,7 @@ def run(station, board_program, folder):
         command = [station, '--auto', PLAN, '--serial-number', 'RELAY-1', '--only', ','.join(items)]
         done = subprocess.run(command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PLAN_S)
         check(f'{len(items)} items of the functional plan over socat', done.returncode == PARTIAL,
-              done.stdout.strip().splitlines()[-3] if done.returncode == PARTIAL else done.stdout + done.stderr)
+              done.stdout.strip().splitlines()[-4] if done.returncode == PARTIAL else done.stdout + done.stderr)
         record = json.loads(next(folder.glob('records/*/*/*/run.json')).read_text())
         notes = [note['text'] for note in record['notes'] if 'not clean' in note['text']]
         # The line was in the middle of a heartbeat when the station opened it, at most.

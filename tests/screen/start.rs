@@ -222,3 +222,20 @@ fn a_run_to_take_up_must_be_there() {
     let (status, restored) = terminal.end();
     assert!(restored && status.code() == Some(2), "{status}");
 }
+
+/// The screen refuses a plan whose required plan was not passed, in the words of `--auto`.
+#[test]
+fn a_required_plan_is_asked_for() {
+    let place = Place::new(STATION);
+    let plan = "name = \"second\"\nversion = \"1\"\nrequires_plan = [\"first\"]\n[[item]]\nid = \"cpu\"\n\
+                limits.core1_register_errors = \"<= 0\"\n";
+    place.write("second.toml", plan);
+    let mut terminal = open(&place, &["--sim", "--sim-speed", "max", "--plan", "second.toml"], 160, 50);
+    terminal.wait_for("second 1");
+    terminal.types(b"C-1\r");
+    terminal.wait_for("never tested");
+    terminal.types(F5);
+    terminal.wait_for("second requires a pass of first, and C-1 has none that counts: never tested");
+    leaves(terminal);
+    assert!(place.runs().is_empty());
+}

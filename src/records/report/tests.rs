@@ -92,7 +92,12 @@ fn what_is_no_pass_does_not_look_like_one() {
     let mut record = record("SN-1");
     (record.verdict, record.selection) = (Verdict::Selection(Outcome::Passed), Some(vec!["imu".to_owned()]));
     let page = shown(&record, &NONE, &[]);
-    for expected in ["<header class=\"partial\"><h1>PARTIAL SN-1<", "SELECTION (imu): not a pass of the module"] {
+    for expected in [
+        "<header class=\"partial\">",
+        ">PARTIAL SN-1<",
+        "SELECTION (imu): not a pass of the module",
+        "no: simulated, only chosen items were run",
+    ] {
         assert!(page.contains(expected), "{expected} is missing");
     }
     assert!(!page.contains("PASSED"));
@@ -100,7 +105,12 @@ fn what_is_no_pass_does_not_look_like_one() {
     record.recomputed = Some(EarlierRun { run: "120000-functional".to_owned(), journal_sha256: "00".repeat(32) });
     let page = shown(&record, &NONE, &[]);
     let banner = "RE-JUDGED (the samples of run 120000-functional by these limits): the module was not tested again";
-    assert!(page.contains(banner), "{page}");
+    assert!(page.contains(banner) && page.contains("no: simulated, re-judged by other limits"), "{page}");
+    (record.bench, record.recomputed) = (BenchInfo::real(), None);
+    assert!(
+        shown(&record, &NONE, &[]).contains("yes, as long as its plan says"),
+        "a whole run on a real bench may count"
+    );
 }
 
 /// A serial number with markup, an escape sequence and a reversed direction: the page holds its letters and no markup.

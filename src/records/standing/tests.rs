@@ -4,6 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset, TimeDelta};
+use gnc_executive::event::{BenchKind, PlanInfo};
+use gnc_executive::standing::PlanAsked;
 use serde_json::{Value, json};
 
 use super::*;

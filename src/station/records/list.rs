@@ -6,8 +6,9 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
+use gnc_executive::standing::Seal;
 use gnc_executive::verdict::Verdict;
-use gnc_records::standing::{Seal, Seals};
+use gnc_records::standing::Seals;
 use gnc_records::store::reader::{self, Found, FoundRun, Wanted};
 use gnc_text::printable;
 

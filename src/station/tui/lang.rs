@@ -14,8 +14,8 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::standing::Flaw;
 use gnc_executive::verdict::Verdict;
-use gnc_records::standing::Flaw;
 
 use super::keymap::KeyAction;
 pub use crate::args::Lang;

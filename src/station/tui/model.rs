@@ -13,10 +13,10 @@ use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::serial_number::SerialNumberPattern;
+use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
-use gnc_records::standing::Standing;
 
 use super::field::InputField;
 use super::keymap::KeyContext;
@@ -77,7 +77,7 @@ pub(crate) enum Over {
     Item { name: String, scroll: usize },
     /// The log of the run shown.
     Log { scroll: usize },
-    /// The module has a verdict that counts; test it again?
+    /// The plan was run on the module before; test it again?
     Again(Standing),
     /// Files are not as they were checked; run what was checked, or read them again?
     Changed(Vec<ChangedFile>),

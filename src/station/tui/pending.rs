@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use chrono::{DateTime, FixedOffset};
-use gnc_records::standing::Standing;
+use gnc_executive::standing::Standing;
 
 use super::model::{Over, RoundsSetting};
 use crate::files::ChangedFile;

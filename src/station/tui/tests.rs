@@ -12,9 +12,9 @@ use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{AttemptError, BoardBreach, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::standing::{Flaw, PastRun, Standing};
 use gnc_executive::verdict::Verdict;
 use gnc_records::shift::{ModuleOfShift, Shift};
-use gnc_records::standing::{Flaw, PastRun, Standing};
 use gnc_rig::{Along, Orientation};
 
 use super::decode::Key;
@@ -456,9 +456,9 @@ fn a_second_test_is_asked_for() {
     assert!(matches!(scene.key(Key::F(2)), Some(Effect::Start(start)) if start.selection.is_none()));
 }
 
-/// What does not count for the module is shown as what it is, and does not ask.
+/// What does not count for the module is shown as what it is. Only a whole run of this plan asks.
 #[test]
-fn what_does_not_count_is_shown_and_does_not_ask() {
+fn what_does_not_count_is_shown_as_what_it_is() {
     let at = chrono::DateTime::parse_from_rfc3339("2026-11-21T14:30:00+08:00").expect("a time");
     let beside = |plan: &str, items: Option<Vec<String>>, flaws: Vec<Flaw>| {
         let verdict = Some(Verdict::new(Outcome::Passed, items.is_some()));
@@ -467,16 +467,21 @@ fn what_does_not_count_is_shown_and_does_not_ask() {
     };
     let identity = || Some(vec!["identity".to_owned()]);
     let cases = [
-        (beside("functional", identity(), vec![Flaw::Selection]), "only identity passed 2026-11-21 14:30"),
-        (beside("incoming", None, vec![Flaw::OtherPlan]), "incoming passed 2026-11-21 14:30; functional never"),
-        (beside("functional", None, vec![Flaw::NotClosed]), "functional passed 2026-11-21 14:30: record not closed"),
+        (beside("functional", identity(), vec![Flaw::Selection]), "only identity passed 2026-11-21 14:30", false),
+        (beside("incoming", None, vec![Flaw::OtherPlan]), "incoming passed 2026-11-21 14:30; functional never", false),
+        (
+            beside("functional", None, vec![Flaw::NotClosed]),
+            "functional passed 2026-11-21 14:30: record not closed",
+            true,
+        ),
         (
             beside("functional", None, vec![Flaw::NotInChain, Flaw::Simulated, Flaw::Rejudged]),
             "functional passed 2026-11-21 14:30: not in the chain, simulated, re-judged by other limits",
+            true,
         ),
-        (never(), "never tested"),
+        (never(), "never tested", false),
     ];
-    for (standing, words) in cases {
+    for (standing, words, asks) in cases {
         let mut scene = Scene::new(Lang::En, 80, 24).expect("memory");
         scene.types("DEMO-1");
         assert_eq!(scene.key(Key::Enter), Some(Effect::LookUp("DEMO-1".into())));
@@ -487,7 +492,8 @@ fn what_does_not_count_is_shown_and_does_not_ask() {
         }
         scene.key(Key::F(5));
         let command = scene.tell(found(Some(standing)));
-        assert!(matches!(command, Some(Effect::Start(_))), "{words}: {command:?}");
+        assert_eq!(command.is_none(), asks, "{words}: {command:?}");
+        assert_eq!(scene.text().contains("Test it again?"), asks, "{words}");
     }
 }
 

@@ -10,9 +10,9 @@ use std::path::PathBuf;
 use gnc_bench::fixture::Ask;
 use gnc_board::Readings;
 use gnc_executive::event::Event;
+use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_records::shift::Shift;
-use gnc_records::standing::Standing;
 
 use super::decode::Key;
 use super::input::{Input, Scanned};

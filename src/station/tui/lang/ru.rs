@@ -3,8 +3,8 @@
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
+use gnc_executive::standing::Flaw;
 use gnc_executive::verdict::Verdict;
-use gnc_records::standing::Flaw;
 
 use super::ask::AskTexts;
 use super::ru_catalogue::{item_title, look_at_sentence};

@@ -1,8 +1,8 @@
 //! The standing of a module in the words of a language. The rule behind it, and the English words for texts without a
-//! screen, are those of [`gnc_records::standing`].
+//! screen, are those of [`gnc_executive::standing`].
 
+use gnc_executive::standing::{Flaw, PastRun, Standing};
 use gnc_executive::verdict::Verdict;
-use gnc_records::standing::{Flaw, PastRun, Standing};
 use gnc_text::printable;
 
 use super::{Texts, fill};

@@ -161,7 +161,7 @@ fn parts_are_filled_in_in_order() {
 /// The screen says of a module what `--auto` and the lists say, in English to the letter.
 #[test]
 fn the_standing_is_the_same_on_every_face() {
-    use gnc_records::standing::{PastRun, Standing};
+    use gnc_executive::standing::{PastRun, Standing};
     let run = |plan: &str, items: Option<usize>, flaws: Vec<Flaw>| PastRun {
         at: Some(chrono::DateTime::UNIX_EPOCH.fixed_offset()),
         plan: plan.into(),

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use chrono::{DateTime, FixedOffset, Local, NaiveDateTime};
 use gnc_executive::event::BenchKind;
 use gnc_executive::record::RunRecord;
+use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
-use gnc_records::standing::Standing;
 use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::with_causes;
 

@@ -1,5 +1,5 @@
-//! What must be known before a run begins: whether the files are as they were checked, whether the module has a
-//! verdict that counts, and whether one of its runs broke off and can be taken up again.
+//! What must be known before a run begins: whether the files are as they were checked, whether the plan was run
+//! on the module before, and whether one of its runs broke off and can be taken up again.
 
 use std::path::{Path, PathBuf};
 

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::{Event, EventKind};
+use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
-use gnc_records::standing::Standing;
 
 use super::{Effect, words};
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};

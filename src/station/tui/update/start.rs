@@ -40,7 +40,7 @@ pub(super) fn prepared(model: &mut ScreenModel, prepared: Prepared) -> Option<Ef
         (Some(Resumable::Yes(run)), _) => pending.questions.push_back(Over::Interrupted(run)),
         (Some(Resumable::No { why }), _) => pending.questions.push_back(Over::NoResume { why }),
         // A repeat of failed items, or a run of one item, is not a second test of the module.
-        (None, Some(standing)) if pending.selection.is_none() && standing.counts.is_some() => {
+        (None, Some(standing)) if pending.selection.is_none() && standing.was_run() => {
             let said = lang::standing(model.texts, &standing);
             pending.questions.push_back(Over::Again(standing));
             model.say(MessageWeight::Warning, said);

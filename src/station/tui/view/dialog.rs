@@ -1,7 +1,7 @@
 //! Layers over a page: questions and the list of keys.
 
+use gnc_executive::standing::Standing;
 use gnc_executive::text::duration;
-use gnc_records::standing::Standing;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
@@ -55,7 +55,7 @@ fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str,
     frame.render_widget(answers(model), answer_area);
 }
 
-/// The module has a verdict that counts.
+/// The plan was run on the module before.
 pub(super) fn again(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, standing: &Standing) {
     let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
     let said = format!("{number}: {}", lang::standing(model.texts, standing));

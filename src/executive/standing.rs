@@ -1,0 +1,318 @@
+//! The standing of a module: what its records say of it, by one rule for every face.
+//!
+//! A verdict counts for a module if its run covered the whole plan, on a real bench, by just this plan, not longer ago than
+//! the plan allows, and if its record is closed, stands in the chain and is as it was closed. A run on a simulated bench
+//! counts on a simulated bench alone. Everything else is called what it is: see [`Flaw`].
+//!
+//! This file is the rule and its words. It opens no file: the crate of the records finds the runs.
+
+use std::fmt;
+
+use chrono::{DateTime, FixedOffset, TimeDelta};
+use gnc_text::printable;
+
+use crate::event::{BenchKind, PlanInfo};
+use crate::outcome::Outcome;
+use crate::record::RunRecord;
+use crate::verdict::Verdict;
+
+/// How far a run may lie ahead of the clock and still count: a clock that is set right by its time service jumps back by
+/// seconds to minutes.
+const CLOCK_SLACK: TimeDelta = TimeDelta::minutes(10);
+
+/// Most names of chosen items in a sentence; more are counted.
+const NAMED_ITEMS: usize = 3;
+
+/// Which plan a question is about.
+#[derive(Clone, Copy, Debug)]
+pub enum PlanAsked<'a> {
+    /// The plan with this digest.
+    This(&'a PlanInfo),
+    /// Any version of the plan with this name: a plan names those that it requires.
+    Named(&'a str),
+}
+
+impl PlanAsked<'_> {
+    /// Name of the plan.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::This(plan) => &plan.name,
+            Self::Named(name) => name,
+        }
+    }
+}
+
+/// A question about a module.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// The module's serial number, as scanned. Another case of a letter is another module.
+    pub serial_number: &'a str,
+    /// The plan.
+    pub plan: PlanAsked<'a>,
+    /// Days for which a verdict counts.
+    pub valid_days: u32,
+    /// The bench that asks.
+    pub bench: BenchKind,
+    /// The time by the clock of the computer.
+    pub now: DateTime<FixedOffset>,
+}
+
+/// Why a run does not count for the module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flaw {
+    /// The chain names the run, and its folder is gone.
+    Missing,
+    /// The record cannot be read.
+    Unreadable,
+    /// A station is carrying the run out now.
+    UnderWay,
+    /// The folder has no digests.
+    NotClosed,
+    /// The run has no end.
+    Interrupted,
+    /// The chain does not name the run.
+    NotInChain,
+    /// The record is not as it was closed, or its line in the chain was changed.
+    Changed,
+    /// A program played the module.
+    Simulated,
+    /// Old samples were judged again.
+    Rejudged,
+    /// Another plan.
+    OtherPlan,
+    /// The same name, and other texts.
+    OtherVersion,
+    /// Chosen items alone.
+    Selection,
+    /// The station could not tell, or the run was stopped.
+    NoVerdict,
+    /// Longer ago than the plan allows.
+    TooOld,
+    /// Later than now by the clock of the computer.
+    InFuture,
+}
+
+impl Flaw {
+    /// The flaw in words behind what the run says of itself; `None` if that says it already.
+    pub fn words(self) -> Option<&'static str> {
+        Some(match self {
+            Self::Missing => "record is missing",
+            Self::Unreadable => "record cannot be read",
+            Self::UnderWay => "still running",
+            Self::NotClosed => "record not closed",
+            Self::Interrupted => "interrupted",
+            Self::NotInChain => "not in the chain",
+            Self::Changed => "record was changed",
+            Self::Simulated => "simulated",
+            Self::Rejudged => "re-judged by other limits",
+            Self::OtherVersion => "by another version of the plan",
+            Self::TooOld => "too long ago",
+            Self::InFuture => "later than this computer's clock",
+            Self::OtherPlan | Self::Selection | Self::NoVerdict => return None,
+        })
+    }
+}
+
+/// How a record is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seal {
+    /// Closed, in the chain, and as it was closed. Raw samples are not compared.
+    Chained,
+    /// It has this flaw.
+    Flawed(Flaw),
+}
+
+/// What a record says of a run, as far as the standing needs it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunFacts {
+    /// The scanned serial number.
+    pub serial_number: String,
+    /// The plan.
+    pub plan: PlanInfo,
+    /// Whether the bench is real.
+    pub bench: BenchKind,
+    /// The chosen items; `None` for the whole plan.
+    pub selection: Option<Vec<String>>,
+    /// Whether old samples were judged again.
+    pub rejudged: bool,
+    /// Whether the run has no end.
+    pub interrupted: bool,
+    /// `None` if the record has no verdict.
+    pub verdict: Option<Verdict>,
+    /// When the run began.
+    pub started: DateTime<FixedOffset>,
+    /// When it ended, if it has an end.
+    pub ended: Option<DateTime<FixedOffset>>,
+}
+
+impl From<&RunRecord> for RunFacts {
+    fn from(record: &RunRecord) -> Self {
+        Self {
+            serial_number: record.serial_number.clone(),
+            plan: record.plan.clone(),
+            bench: record.bench.kind,
+            selection: record.selection.clone(),
+            rejudged: record.recomputed.is_some(),
+            interrupted: record.interrupted,
+            verdict: Some(record.verdict),
+            started: record.started,
+            ended: record.finished,
+        }
+    }
+}
+
+impl RunFacts {
+    /// Why the run cannot count for its module, whoever asks: the part of the rule that its own record can tell.
+    fn own_flaws(&self) -> Vec<Flaw> {
+        let judged = self
+            .verdict
+            .is_some_and(|verdict| matches!(verdict.of_items(), Outcome::Passed | Outcome::Marginal | Outcome::Failed));
+        let flaws = [
+            (self.interrupted, Flaw::Interrupted),
+            (self.bench == BenchKind::Simulated, Flaw::Simulated),
+            (self.rejudged, Flaw::Rejudged),
+            (self.selection.is_some(), Flaw::Selection),
+            (!judged, Flaw::NoVerdict),
+        ];
+        flaws.into_iter().filter(|(is, _)| *is).map(|(_, flaw)| flaw).collect()
+    }
+
+    /// Why the run does not answer a question, apart from how its record is kept. Empty if it does.
+    pub fn flaws(&self, question: &Question<'_>) -> Vec<Flaw> {
+        let mut flaws = self.own_flaws();
+        if question.bench == BenchKind::Simulated {
+            flaws.retain(|flaw| *flaw != Flaw::Simulated);
+        }
+        match question.plan {
+            PlanAsked::This(plan) if plan.name == self.plan.name && plan.sha256 != self.plan.sha256 => {
+                flaws.push(Flaw::OtherVersion);
+            }
+            plan if plan.name() != self.plan.name => flaws.push(Flaw::OtherPlan),
+            PlanAsked::This(_) | PlanAsked::Named(_) => {}
+        }
+        if self.started > question.now + CLOCK_SLACK {
+            flaws.push(Flaw::InFuture);
+        }
+        let at = self.ended.unwrap_or(self.started);
+        if question.now - at > TimeDelta::days(i64::from(question.valid_days)) {
+            flaws.push(Flaw::TooOld);
+        }
+        flaws
+    }
+}
+
+/// A run of a module, and what it is worth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PastRun {
+    /// When it ended, or began if it has no end; `None` if nothing tells.
+    pub at: Option<DateTime<FixedOffset>>,
+    /// Name of its plan; that of its folder if the record cannot be read.
+    pub plan: String,
+    /// How it ended, if the record says it.
+    pub verdict: Option<Verdict>,
+    /// Its chosen items, if it was a selection.
+    pub items: Option<Vec<String>>,
+    /// Whether a program played the module.
+    pub simulated: bool,
+    /// Why it does not count; empty if it does.
+    pub flaws: Vec<Flaw>,
+}
+
+impl PastRun {
+    /// A run of which only the name of its folder is known.
+    pub fn nameless(plan: String, at: Option<DateTime<FixedOffset>>, flaw: Flaw) -> Self {
+        Self { at, plan, verdict: None, items: None, simulated: false, flaws: vec![flaw] }
+    }
+
+    /// A run with what is known of it, and why it does not count.
+    pub fn new(facts: &RunFacts, flaws: Vec<Flaw>) -> Self {
+        Self {
+            at: Some(facts.ended.unwrap_or(facts.started)),
+            plan: facts.plan.name.clone(),
+            verdict: facts.verdict,
+            items: facts.selection.clone(),
+            simulated: facts.bench == BenchKind::Simulated,
+            flaws,
+        }
+    }
+
+    /// Whether a pass before this run is in doubt because of it.
+    pub fn is_doubt(&self, of: BenchKind) -> bool {
+        let of_this_world = of == BenchKind::Simulated || !self.simulated;
+        let good = self.verdict.is_some_and(|verdict| verdict.of_items().is_good());
+        of_this_world && !self.flaws.contains(&Flaw::Rejudged) && !good
+    }
+}
+
+/// The standing of a module by one plan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Standing {
+    /// Name of the plan.
+    pub plan: String,
+    /// The newest run that counts.
+    pub counts: Option<PastRun>,
+    /// A later run that puts it in doubt; or, if no run counts, the newest run, of this plan before others.
+    pub beside: Option<PastRun>,
+}
+
+impl Standing {
+    /// Whether a run counts and passed the module.
+    pub fn passes(&self) -> bool {
+        self.counts.as_ref().and_then(|run| run.verdict).is_some_and(Verdict::passes_module)
+    }
+
+    /// Whether this plan was run as a whole on the module, whatever that is worth: a person may not want it twice.
+    pub fn was_run(&self) -> bool {
+        let this_whole = |run: &PastRun| run.plan == self.plan && run.items.is_none();
+        self.counts.is_some() || self.beside.as_ref().is_some_and(this_whole)
+    }
+
+    /// Whether there is any run of the module.
+    pub fn is_tested(&self) -> bool {
+        self.counts.is_some() || self.beside.is_some()
+    }
+}
+
+/// Why a run does not count for its module, as far as its own record can tell; empty if it may count. Whether the record
+/// is closed and in the chain is known only later.
+pub fn own_flaws(record: &RunRecord) -> Vec<Flaw> {
+    RunFacts::from(record).own_flaws()
+}
+
+/// "only identity passed 2026-11-28 14:30: simulated".
+impl fmt::Display for PastRun {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.items {
+            None => write!(f, "{}", printable(&self.plan))?,
+            Some(items) if items.len() <= NAMED_ITEMS => write!(f, "only {}", printable(&items.join(", ")))?,
+            Some(items) => write!(f, "only {} items", items.len())?,
+        }
+        if let Some(verdict) = self.verdict.filter(|_| !self.flaws.contains(&Flaw::Interrupted)) {
+            let outcome = verdict.of_items();
+            write!(f, " {}", if outcome == Outcome::NotRun { "not run" } else { outcome.as_str() })?;
+        }
+        if let Some(at) = self.at {
+            write!(f, " {}", at.format("%F %H:%M"))?;
+        }
+        let flaws: Vec<&str> = self.flaws.iter().filter_map(|flaw| flaw.words()).collect();
+        if flaws.is_empty() { Ok(()) } else { write!(f, ": {}", flaws.join(", ")) }
+    }
+}
+
+/// "functional passed 2026-11-28 14:30", "incoming passed 2026-11-28 14:30; functional never".
+impl fmt::Display for Standing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.counts, &self.beside) {
+            (Some(counts), beside) => {
+                write!(f, "{counts}")?;
+                if counts.simulated {
+                    f.write_str(", simulated")?;
+                }
+                beside.as_ref().map_or(Ok(()), |beside| write!(f, "; then {beside}"))
+            }
+            (None, Some(beside)) if beside.plan == self.plan => write!(f, "{beside}"),
+            (None, Some(beside)) => write!(f, "{beside}; {} never", printable(&self.plan)),
+            (None, None) => f.write_str("never tested"),
+        }
+    }
+}

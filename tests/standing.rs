@@ -1,0 +1,112 @@
+//! What the records say of a module, as its operator and scripts meet it on real and simulated benches.
+
+#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+
+use std::fs;
+
+use gnc_tests::{Board, PARTIAL, Place, Run};
+
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
+
+const CPU: &str = "[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n\
+                   [[item]]\nid = \"timers\"\nlimits.timer0_1ms_worst = \"<= 50 %\"\n";
+/// No module keeps this limit.
+const NEVER: &str = "[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"1 .. 2\"\n";
+
+/// A folder with the plan `incoming`, and the plan `functional` that requires it.
+fn place(incoming: &str) -> Place {
+    let place = Place::new(STATION);
+    place.write("incoming.toml", &format!("name = \"incoming\"\nversion = \"1\"\n{incoming}"));
+    let requires = "name = \"functional\"\nversion = \"1\"\nrequires_plan = [\"incoming\"]\n";
+    place.write("functional.toml", &format!("{requires}{CPU}"));
+    place
+}
+
+fn run(place: &Place, plan: &str, more: &[&str]) -> Run {
+    let plan = format!("{plan}.toml");
+    let args = ["--auto", &plan, "--serial-number", "SIM-0001"];
+    place.run(args.iter().chain(more))
+}
+
+const SIM: [&str; 3] = ["--sim", "--sim-speed", "max"];
+
+#[track_caller]
+fn refused(run: &Run, runs: (&Place, usize), standing: &str) {
+    assert_eq!(run.code, Some(3), "{}{}", run.stdout, run.stderr);
+    let told = format!("functional requires a pass of incoming, and SIM-0001 has none that counts: {standing}");
+    assert!(run.stderr.contains(&told), "{}", run.stderr);
+    assert!(run.stderr.contains("try: run that plan on this module first"), "{}", run.stderr);
+    let (place, count) = runs;
+    assert_eq!(place.runs().len(), count, "a run was begun: {}", run.stdout);
+}
+
+/// A plan that requires another does not begin before that one passed as a whole.
+#[test]
+fn a_plan_waits_for_the_plan_that_it_requires() {
+    let place = place(CPU);
+    refused(&run(&place, "functional", &SIM), (&place, 0), "never tested");
+    let chosen = run(&place, "incoming", &[&SIM[..], &["--only", "cpu"]].concat());
+    assert_eq!(chosen.code, PARTIAL, "{}{}", chosen.stdout, chosen.stderr);
+    assert!(chosen.stdout.lines().last().is_some_and(|line| line.starts_with("SIM-0001: only cpu passed ")));
+    refused(&run(&place, "functional", &SIM), (&place, 1), "only cpu passed ");
+    let passed = run(&place, "incoming", &SIM);
+    assert_eq!(passed.code, Some(0), "{}{}", passed.stdout, passed.stderr);
+    let last = passed.stdout.lines().last().unwrap_or_default();
+    assert!(last.starts_with("SIM-0001: incoming passed ") && last.ends_with(", simulated"), "{last}");
+    let then = run(&place, "functional", &SIM);
+    assert_eq!(then.code, Some(0), "{}{}", then.stdout, then.stderr);
+    // Chosen items of such a plan wait as well: the module may not be fit for the bench.
+    let other = ["--auto", "functional.toml", "--serial-number", "OTHER", "--sim", "--only", "cpu"];
+    let other = place.run(other);
+    assert_eq!(other.code, Some(3), "{}{}", other.stdout, other.stderr);
+    assert!(other.stderr.contains("OTHER has none that counts: never tested"), "{}", other.stderr);
+}
+
+#[test]
+fn a_failed_plan_is_no_pass_for_the_next() {
+    let place = place(NEVER);
+    assert_eq!(run(&place, "incoming", &SIM).code, Some(1));
+    refused(&run(&place, "functional", &SIM), (&place, 1), "incoming failed ");
+}
+
+/// A simulated pass of the same number does not let a real run begin; a real one does, as long as its record is as it was
+/// closed.
+#[test]
+fn a_real_bench_asks_for_a_real_pass() {
+    let board = Board::start(MOCK, &["--speed", "max", "--serial-number", "SIM-0001"]);
+    let place = place(CPU);
+    place.write("bench.toml", &board.bench_file("line-2"));
+    assert_eq!(run(&place, "incoming", &[&SIM[..], &["--records", "records"]].concat()).code, Some(0));
+    let simulated = run(&place, "functional", &[]);
+    refused(&simulated, (&place, 1), "incoming passed ");
+    assert!(simulated.stderr.contains(": simulated"), "{}", simulated.stderr);
+    let real = run(&place, "incoming", &[]);
+    assert_eq!(real.code, Some(0), "{}{}", real.stdout, real.stderr);
+    let last = real.stdout.lines().last().unwrap_or_default();
+    assert!(last.starts_with("SIM-0001: incoming passed ") && !last.contains("simulated"), "{last}");
+    let then = run(&place, "functional", &[]);
+    assert_eq!(then.code, Some(0), "{}{}", then.stdout, then.stderr);
+
+    // Somebody corrects a record, or loses the chain.
+    let incoming = place.runs().into_iter().find(|run| {
+        let record = fs::read_to_string(run.join("run.json")).expect("a record");
+        record.contains("\"name\": \"incoming\"") && record.contains("\"kind\": \"real\"")
+    });
+    let incoming = incoming.expect("the real one");
+    let path = incoming.join("run.json");
+    let record = fs::read_to_string(&path).expect("a record");
+    fs::write(&path, record.replace("\"station\": \"line-2\"", "\"station\": \"line-3\"")).expect("writable");
+    let changed = run(&place, "functional", &[]);
+    assert_eq!(changed.code, Some(3), "{}{}", changed.stdout, changed.stderr);
+    assert!(changed.stderr.contains(": record was changed"), "{}", changed.stderr);
+    let list = place.run(["records", "list"]);
+    assert_eq!(list.stdout.matches(" record was changed").count(), 1, "{}", list.stdout);
+    fs::write(&path, record).expect("writable");
+    assert_eq!(run(&place, "functional", &[]).code, Some(0));
+    let chain = incoming.ancestors().nth(2).expect("a day").join("CHAIN");
+    fs::remove_file(chain).expect("a chain");
+    let unchained = run(&place, "functional", &[]);
+    assert_eq!(unchained.code, Some(3), "{}{}", unchained.stdout, unchained.stderr);
+    assert!(unchained.stderr.contains(": not in the chain"), "{}", unchained.stderr);
+}
