@@ -305,11 +305,7 @@ fn header() -> Value {
 fn planned_item() -> Value {
     let fields = vec![
         ("name", true, text("Unique name in the plan.")),
-        (
-            "id",
-            true,
-            json!({ "description": "Which item of the catalogue.", "enum": ItemId::ALL.map(ItemId::as_str) }),
-        ),
+        ("id", true, json!({ "description": "Which item of the catalogue.", "enum": ItemId::ALL.map(ItemId::as_str) })),
         ("title", true, text("Title for people.")),
         ("phase", true, json!({ "description": "Phase of the run.", "enum": ["setup", "test", "teardown"] })),
         ("optional", true, json!({ "description": "Whether the run is complete without it.", "type": "boolean" })),
