@@ -97,7 +97,8 @@ fn check(xml: &[u8]) -> Element {
         assert!(order[properties..].iter().all(|name| *name == "testcase"), "{order:?}");
         for property in suite.all("properties").flat_map(|properties| &properties.children) {
             assert_eq!(property.name, "property");
-            (property.get("name"), property.get("value"));
+            property.get("name");
+            property.get("value");
         }
         let cases: Vec<&Element> = suite.all("testcase").collect();
         let ended = |name: &str| cases.iter().filter(|case| case.all(name).count() > 0).count();
@@ -106,7 +107,8 @@ fn check(xml: &[u8]) -> Element {
         assert_eq!(count(suite, "errors"), ended("error"));
         assert_eq!(count(suite, "skipped"), ended("skipped"));
         for case in &cases {
-            (case.get("name"), case.get("classname"));
+            case.get("name");
+            case.get("classname");
             assert!(case.get("time").parse::<f64>().unwrap() >= 0.0 && !case.get("time").contains('e'));
             let order: Vec<&str> = case.children.iter().map(|child| child.name.as_str()).collect();
             let (ends, rest): (Vec<&str>, Vec<&str>) =
@@ -114,7 +116,8 @@ fn check(xml: &[u8]) -> Element {
             assert!(ends.len() <= 1 && (rest.is_empty() || rest == ["system-out"]), "{order:?}");
             assert!(order.len() < 2 || order[1] == "system-out", "{order:?}");
             for end in case.children.iter().filter(|child| ["error", "failure"].contains(&child.name.as_str())) {
-                (end.get("message"), end.get("type"));
+                end.get("message");
+                end.get("type");
             }
         }
     }

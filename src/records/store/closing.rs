@@ -30,16 +30,18 @@ pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError
     on(Flock::lock(journal, FlockArg::LockExclusiveNonblock).map_err(|(_, error)| error.into()), "lock", path)
 }
 
-/// Whether a station is writing a run now.
+/// Whether a station is writing a run now: it holds the run's folder, and soon its journal.
 #[must_use]
 pub fn goes_on(run: &Path) -> bool {
-    let Ok(journal) = File::open(run.join(JOURNAL)) else { return false };
     // A journal without a byte may be one that its station is about to lock: this look must not take the lock from it.
-    if journal.metadata().is_ok_and(|meta| meta.len() == 0) {
-        return false;
-    }
-    // A disk that knows no locks says nothing about who writes.
-    matches!(Flock::lock(journal, FlockArg::LockSharedNonblock), Err((_, Errno::EAGAIN)))
+    let journal = File::open(run.join(JOURNAL)).ok();
+    let journal = journal.filter(|journal| journal.metadata().is_ok_and(|meta| meta.len() > 0));
+    [File::open(run).ok(), journal].into_iter().flatten().any(is_held)
+}
+
+/// Whether somebody holds a file or a folder. A disk that knows no locks says nothing about that.
+fn is_held(file: File) -> bool {
+    matches!(Flock::lock(file, FlockArg::LockSharedNonblock), Err((_, Errno::EAGAIN)))
 }
 
 /// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end.

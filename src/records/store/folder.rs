@@ -3,8 +3,10 @@
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use chrono::{DateTime, FixedOffset};
+use nix::fcntl::{Flock, FlockArg};
 use sha2::{Digest as _, Sha256};
 
 use super::{StationKey, StoreError, on};
@@ -22,6 +24,9 @@ pub struct RunFolder {
     path: PathBuf,
     /// Signs the folder when it is closed.
     key: Option<StationKey>,
+    /// Shows from the first moment on that the run goes on, long before a slow disk has its journal. Nothing depends on it
+    /// but what a list says, so a folder that cannot be locked is as good.
+    _held: Option<Arc<Flock<File>>>,
 }
 
 impl RunFolder {
@@ -61,7 +66,7 @@ impl RunFolder {
 
     /// The folder of a run whose program died.
     pub(super) fn existing(path: &Path) -> Self {
-        Self { path: path.to_owned(), key: None }
+        Self { path: path.to_owned(), key: None, _held: None }
     }
 
     /// The same folder with a key that signs it when it is closed.
@@ -78,7 +83,11 @@ impl RunFolder {
         for number in 1..=MAX_SAME_SECOND {
             let path = parent.join(if number == 1 { name.to_owned() } else { format!("{name}-{number}") });
             match DirBuilder::new().create(&path) {
-                Ok(()) => return Ok(Self { path, key: None }),
+                Ok(()) => {
+                    let held = File::open(&path).ok();
+                    let held = held.and_then(|folder| Flock::lock(folder, FlockArg::LockExclusiveNonblock).ok());
+                    return Ok(Self { path, key: None, _held: held.map(Arc::new) });
+                }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return on(Err(error), "create", &path),
             }
@@ -197,6 +206,28 @@ pub(crate) fn folder_name(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::reader::{self, Found};
+
+    /// A slow disk takes seconds until the journal has its first event; nobody is accused meanwhile.
+    #[test]
+    fn a_run_that_has_only_begun_is_running() {
+        let records = tempfile::tempdir().unwrap();
+        let at = DateTime::parse_from_rfc3339("2026-11-28T12:00:00+08:00").unwrap();
+        let folder = RunFolder::create(records.path(), at, "SN", "functional").unwrap();
+        let look = || {
+            let found = reader::list(records.path()).unwrap().remove(0);
+            (found.state(), reader::check(&found.path).running)
+        };
+        assert_eq!(look(), (Found::Running, true), "no journal yet");
+        let journal = folder.create_file(crate::store::JOURNAL).unwrap();
+        assert_eq!(look(), (Found::Running, true), "a journal without an event");
+        // A look takes the lock from nobody.
+        let held = crate::store::closing::hold(journal, folder.path());
+        assert!(held.is_ok());
+        drop(folder);
+        drop(held);
+        assert_eq!(look(), (Found::Unreadable, false), "its station has died");
+    }
 
     #[test]
     fn names_stay_inside_the_records_folder() {
