@@ -109,7 +109,7 @@ pub struct Ending {
     pub outcome: Outcome,
     /// Why the record could not be written.
     pub store_error: Option<StoreError>,
-    /// Whether any item was begun: without a board, the next round would not be better.
+    /// Whether any item of the scanned module was begun: without a board, the next round would not be better.
     pub begun: bool,
 }
 
@@ -131,11 +131,13 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
         records_refused: Cell::new(false),
         busy: RefCell::new(HashMap::new()),
         paused_since: Cell::new(None),
-        module: ModuleSeen::default(),
+        module: ModuleSeen::scanned(&order.header.serial_number),
     };
     let ended = run.whole().await;
     live.doing.send_replace(Vec::new());
-    let begun = journal.look(|state| state.rows().iter().any(|row| !row.attempts.is_empty()));
+    // Another round would find the same other module.
+    let begun =
+        journal.look(|state| state.other_module().is_none() && state.rows().iter().any(|row| !row.attempts.is_empty()));
     let closed = journal.close().await;
     // If both fail, the error of the writing thread is the cause.
     match closed.and(ended) {
@@ -228,10 +230,18 @@ impl Run<'_> {
             // Items that were not run are no reason to doubt.
             outcome = Outcome::Failed;
         }
+        if self.is_other_module() && outcome != Outcome::Aborted {
+            outcome = Outcome::Errored;
+        }
         // The digests cover complete files only.
         self.journal.raw_files_ended().await;
         self.journal.emit(EventKind::RunEnded { outcome }).await?;
         Ok(outcome)
+    }
+
+    /// Whether the module in the socket was seen not to be the one that was scanned.
+    fn is_other_module(&self) -> bool {
+        self.journal.look(|state| state.other_module().is_some())
     }
 
     /// Everything but the first and the last event. Teardown is always reached, even if the record fails.
@@ -299,6 +309,11 @@ impl Run<'_> {
                 else => break,
             };
             self.land(board, landed, &mut flight).await?;
+            if self.is_other_module() {
+                self.end_open_items().await?;
+                let text = "the module is not the one that was scanned, so the rest of the plan is not run";
+                return self.note(NoteLevel::Error, text.into(), None).await;
+            }
             if self.link_lost.get() {
                 self.end_open_items().await?;
                 let text = "the link is lost, so the rest of the plan is not run";
@@ -399,6 +414,9 @@ impl Run<'_> {
                 self.end_attempt(&landed, Outcome::Errored, Some(error)).await
             }
             End::Done(ref done) => {
+                if let Err(ProcedureError::OtherModule(other)) = done {
+                    self.journal.emit(EventKind::OtherModule(other.clone())).await?;
+                }
                 self.file_error_records(board, &landed).await?;
                 let Some(item) = self.job().item(landed.position) else { return Ok(()) };
                 let (mut outcome, mut error) = self.judged(&landed, item, done.as_ref().err());

@@ -41,6 +41,8 @@ pub const DIGESTS: &str = "SHA256SUMS";
 pub(crate) const SIGNATURE: &str = "SHA256SUMS.sig";
 /// Papers made from the record. The record digest in the passport leaves them out.
 pub(crate) const PAPERS: [&str; 3] = [crate::passport::PASSPORT, crate::passport::PASSPORT_XML, crate::report::REPORT];
+/// The folder of a day for runs of a module that is not the one that was scanned.
+pub const UNASSIGNED: &str = "_unassigned";
 /// The plan as run, and what it includes.
 pub const PLAN: &str = "plan";
 

@@ -17,7 +17,7 @@ use gnc_bench::service::{self, Observer, Rounds, RunRequest, ServiceError};
 use gnc_executive::event::ProgramVersion;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
-use gnc_records::store::Watcher;
+use gnc_records::store::{RunFolder, Watcher};
 use gnc_text::with_causes;
 
 use crate::args::RunArgs;
@@ -133,9 +133,9 @@ struct Shown<'a> {
 }
 
 impl Observer for Shown<'_> {
-    fn begin(&mut self, folder: &Path) -> io::Result<Watcher> {
+    fn begin(&mut self, folder: &RunFolder) -> io::Result<Watcher> {
         let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
-        self.face = Some(Face::start(events, self.live, self.events_to_stdout, folder.to_owned())?);
+        self.face = Some(Face::start(events, self.live, self.events_to_stdout, folder.clone())?);
         Ok(Box::new(move |event| watcher.try_send(event.clone()).is_ok()))
     }
 

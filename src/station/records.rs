@@ -78,6 +78,9 @@ fn summary(run: &RunRecord, sealed: bool) -> String {
     if run.selection.is_some() {
         remarks.push_str(" selection");
     }
+    if run.other_module.is_some() {
+        remarks.push_str(" other module");
+    }
     if run.bench.kind == BenchKind::Simulated {
         remarks.push_str(" simulated");
     }

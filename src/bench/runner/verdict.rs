@@ -35,6 +35,8 @@ pub(super) fn judge(
         | ProcedureError::TestIdsShared { .. }
         | ProcedureError::SamplesLost { .. }
         | ProcedureError::CaptureLost { .. }
+        // It is another module.
+        | ProcedureError::OtherModule(_)
         // What the board says against the interface document says nothing either, and a value before it may be of the
         // same kind.
         | ProcedureError::Board(BoardError::Breach { .. } | BoardError::PowerLost) => Outcome::Errored,

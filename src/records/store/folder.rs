@@ -3,11 +3,12 @@
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 use chrono::{DateTime, FixedOffset};
 use sha2::{Digest as _, Sha256};
 
-use super::{StationKey, StoreError, on};
+use super::{StationKey, StoreError, UNASSIGNED, on};
 
 /// Bound on the runs of one plan with one serial number in one second; more mean a loop out of control.
 const MAX_SAME_SECOND: u32 = 10_000;
@@ -20,6 +21,8 @@ const MAX_NAME: usize = 64;
 #[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,
+    /// Where the folder is since it was moved. Copies share it.
+    moved: Arc<OnceLock<PathBuf>>,
     /// Signs the folder when it is closed.
     key: Option<StationKey>,
 }
@@ -61,7 +64,11 @@ impl RunFolder {
 
     /// The folder of a run whose program died.
     pub(super) fn existing(path: &Path) -> Self {
-        Self { path: path.to_owned(), key: None }
+        Self::at(path.to_owned())
+    }
+
+    fn at(path: PathBuf) -> Self {
+        Self { path, moved: Arc::default(), key: None }
     }
 
     /// The same folder with a key that signs it when it is closed.
@@ -78,7 +85,7 @@ impl RunFolder {
         for number in 1..=MAX_SAME_SECOND {
             let path = parent.join(if number == 1 { name.to_owned() } else { format!("{name}-{number}") });
             match DirBuilder::new().create(&path) {
-                Ok(()) => return Ok(Self { path, key: None }),
+                Ok(()) => return Ok(Self::at(path)),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return on(Err(error), "create", &path),
             }
@@ -86,27 +93,48 @@ impl RunFolder {
         on(Err(io::ErrorKind::AlreadyExists.into()), "create", &parent.join(name))
     }
 
-    /// The path of the folder.
+    /// The path of the folder. It changes once if the run turns out to be of another module.
     #[must_use]
     pub fn path(&self) -> &Path {
-        &self.path
+        self.moved.get().unwrap_or(&self.path)
+    }
+
+    /// Moves a run whose module is not the one that was scanned to `DATE/_unassigned/TIME-PLAN`, so that it stands with neither.
+    pub(super) fn unassign(&self) -> Result<(), StoreError> {
+        let from = self.path();
+        let (Some(serial), Some(name)) = (from.parent(), from.file_name()) else { return Ok(()) };
+        let Some(day) = serial.parent().filter(|_| serial.file_name() != Some(UNASSIGNED.as_ref())) else {
+            return Ok(());
+        };
+        let unassigned = day.join(UNASSIGNED);
+        on(fs::create_dir_all(&unassigned), "create", &unassigned)?;
+        // Another run may have the name: an empty folder keeps the place until the run is moved over it.
+        let to = Self::fresh(&unassigned, &name.to_string_lossy())?.path;
+        on(fs::rename(from, &to), "move", from)?;
+        // It stays where the scanned module has other runs.
+        let _ = fs::remove_dir(serial);
+        for dir in [serial, unassigned.as_path(), day].into_iter().filter(|dir| dir.exists()) {
+            sync_dir(dir)?;
+        }
+        let _ = self.moved.set(to);
+        Ok(())
     }
 
     /// Opens a new file to append to.
     pub(super) fn create_file(&self, name: &str) -> Result<File, StoreError> {
-        let path = self.path.join(name);
+        let path = self.path().join(name);
         let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
-        sync_dir(&self.path)?;
+        sync_dir(self.path())?;
         Ok(file)
     }
 
     /// Opens a new file in its own subfolder to append to.
     pub(super) fn create_below(&self, name: &str) -> Result<File, StoreError> {
-        let path = self.path.join(name);
+        let path = self.path().join(name);
         let parent = self.parent(&path)?;
         let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
         sync_dir(parent)?;
-        sync_dir(&self.path)?;
+        sync_dir(self.path())?;
         Ok(file)
     }
 
@@ -114,7 +142,7 @@ impl RunFolder {
     /// removed, a part of the record must not look like the complete record.
     fn parent<'a>(&self, path: &'a Path) -> Result<&'a Path, StoreError> {
         let parent = path.parent().unwrap_or(path);
-        if parent == self.path {
+        if parent == self.path() {
             return Ok(parent);
         }
         match DirBuilder::new().create(parent) {
@@ -139,13 +167,13 @@ impl RunFolder {
         write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
     ) -> Result<(), StoreError> {
         self.place(name, write, true)?;
-        sync_dir(self.path.join(name).parent().unwrap_or(&self.path))
+        sync_dir(self.path().join(name).parent().unwrap_or(self.path()))
     }
 
     /// Waits until all written files are on disk.
     pub(super) fn sync(&self) -> Result<(), StoreError> {
-        let dir = on(File::open(&self.path), "read", &self.path)?;
-        on(nix::unistd::syncfs(dir).map_err(io::Error::from), "write", &self.path)
+        let dir = on(File::open(self.path()), "read", self.path())?;
+        on(nix::unistd::syncfs(dir).map_err(io::Error::from), "write", self.path())
     }
 
     fn place(
@@ -154,7 +182,7 @@ impl RunFolder {
         write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
         sync: bool,
     ) -> Result<(), StoreError> {
-        let path = self.path.join(name);
+        let path = self.path().join(name);
         let parent = self.parent(&path)?;
         let mut hidden = path.file_name().unwrap_or_default().to_os_string();
         hidden.push(format!(".{PART}"));

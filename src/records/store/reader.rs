@@ -12,7 +12,7 @@ use gnc_executive::state::RunState;
 
 use super::digest::FileDigests;
 use super::folder::folder_name;
-use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, digest, on};
+use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, digest, on};
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
 /// station.
@@ -109,7 +109,7 @@ impl FoundRun {
     #[must_use]
     pub fn is_of(&self, serial_number: &str) -> bool {
         match &self.run {
-            Ok(run) => run.serial_number == serial_number,
+            Ok(run) => run.serial_number == serial_number && run.other_module.is_none(),
             Err(error) => {
                 error.is_newer() && self.path.parent().is_some_and(|of| name_of(of) == folder_name(serial_number))
             }
@@ -140,7 +140,11 @@ pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
 /// The folder itself cannot be read.
 pub fn days(records: &Path) -> Result<Vec<(String, usize)>, StoreError> {
     let days = folders(records)?.into_iter().filter(|day| is_day(day));
-    Ok(days.map(|day| (name_of(&day), folders(&day).unwrap_or_default().len())).collect())
+    let modules = |day: &Path| {
+        let folders = folders(day).unwrap_or_default();
+        folders.iter().filter(|folder| name_of(folder) != UNASSIGNED).count()
+    };
+    Ok(days.map(|day| (name_of(&day), modules(&day))).collect())
 }
 
 /// At most `limit` runs of a day, and whether there are more.

@@ -21,6 +21,7 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 
 use super::decode::Key;
+#[cfg(test)]
 use super::input::Scanned;
 use super::lang::Lang;
 use super::model::{BenchView, Glyphs, Loaded, Look, Now, PlanView, Progress, ScreenModel};
@@ -120,6 +121,7 @@ impl Scene {
     }
 
     /// Scans a code whose line end came.
+    #[cfg(test)]
     pub(crate) fn scans(&mut self, code: &str) -> Option<Effect> {
         self.tell(Msg::Scan(Scanned { bytes: code.into(), ended: true, ..Scanned::default() }))
     }

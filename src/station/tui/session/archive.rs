@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset, Local, NaiveDateTime};
-use gnc_executive::event::BenchKind;
+use gnc_executive::event::{BenchKind, OtherModule};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 use gnc_records::store::reader::{self, ReadError, Verified};
@@ -63,7 +63,10 @@ fn line(found: reader::FoundRun) -> RunLine {
             at: Some(run.started),
             simulated: run.bench.kind == BenchKind::Simulated,
             selection: run.selection.is_some(),
-            serial_number: run.serial_number,
+            serial_number: match run.other_module {
+                Some(OtherModule { scanned, found }) => format!("{found} / {scanned}"),
+                None => run.serial_number,
+            },
             plan: run.plan.name,
             mark,
             elapsed_s: run.elapsed_s,

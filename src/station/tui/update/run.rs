@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gnc_bench::fixture::Ask;
-use gnc_executive::event::{Event, EventKind};
+use gnc_executive::event::{Event, EventKind, OtherModule};
 use gnc_executive::state::RunState;
 
 use super::{Effect, words};
@@ -29,6 +29,11 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         run.events_lost = true;
         model.message = Some((MessageWeight::Warning, model.texts.events_lost.to_owned()));
         return None;
+    }
+    if let EventKind::OtherModule(OtherModule { scanned, found }) = &event.kind {
+        let [scanned, found] = [scanned, found].map(|text| gnc_text::printable(text).into_owned());
+        let text = words(model.texts.other_module, &[&found, &scanned]);
+        model.message = Some((MessageWeight::Error, text));
     }
     if let EventKind::RunEnded { outcome } = event.kind {
         run.ends.push(outcome);
