@@ -11,6 +11,7 @@ mod cut_off;
 pub mod digest;
 pub(crate) mod folder;
 pub(crate) mod key;
+mod name;
 mod raw;
 pub mod reader;
 mod record_writer;
@@ -24,6 +25,7 @@ pub(crate) use closing::goes_on;
 pub use closing::{pretty, seal_interrupted};
 pub use folder::RunFolder;
 pub use key::{KeyError, PublicKey, StationKey};
+pub use name::number_of;
 pub use raw::RawFile;
 pub use record_writer::{RecordWriter, Watcher};
 
@@ -96,7 +98,7 @@ impl StoreError {
 
 /// The folder of an item within a run's folder, by its position in the plan from 0.
 pub(crate) fn item_folder(position: usize, item: &str) -> String {
-    format!("{:02}-{}", position + 1, folder::folder_name(item))
+    format!("{:02}-{}", position + 1, name::of_part(item))
 }
 
 /// The raw samples of an attempt within the folder of its item; each round within it has its own file.

@@ -6,16 +6,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use chrono::{DateTime, FixedOffset};
-use sha2::{Digest as _, Sha256};
 
-use super::{StationKey, StoreError, UNASSIGNED, on};
+use super::{StationKey, StoreError, UNASSIGNED, name, on};
 
 /// Bound on the runs of one plan with one serial number in one second; more mean a loop out of control.
 const MAX_SAME_SECOND: u32 = 10_000;
 /// Name ending of a file that is not completely written.
 pub(super) const PART: &str = "part";
-/// Longest part of a serial number in a folder's name.
-const MAX_NAME: usize = 64;
 
 /// The folder of a run.
 #[derive(Debug, Clone)]
@@ -38,9 +35,9 @@ impl RunFolder {
         serial_number: &str,
         plan: &str,
     ) -> Result<Self, StoreError> {
-        let day = records.join(at.format("%Y-%m-%d").to_string()).join(folder_name(serial_number));
+        let day = records.join(at.format("%Y-%m-%d").to_string()).join(name::of_module(serial_number));
         on(fs::create_dir_all(&day), "create", &day)?;
-        let name = format!("{}-{}", at.format("%H%M%S"), folder_name(plan));
+        let name = format!("{}-{}", at.format("%H%M%S"), name::of_part(plan));
         let folder = Self::fresh(&day, &name)?;
         // The names of the new folders must survive a power cut as well.
         for dir in [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten() {
@@ -203,37 +200,4 @@ impl RunFolder {
 
 pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
     on(File::open(dir).and_then(|dir| dir.sync_all()), "write", dir)
-}
-
-/// A text from outside as the name of a folder: letters, digits, `-`, `_`, `.`, and not a hidden name. If characters
-/// were replaced or cut, a digest keeps different texts apart.
-#[must_use]
-pub(crate) fn folder_name(text: &str) -> String {
-    let harmless = |character: char| character.is_ascii_alphanumeric() || matches!(character, '-' | '_' | '.');
-    let mut name: String =
-        text.chars().take(MAX_NAME).map(|character| if harmless(character) { character } else { '_' }).collect();
-    if name.starts_with('.') {
-        name.replace_range(..1, "_");
-    }
-    if name == text && !name.is_empty() {
-        return name;
-    }
-    let digest = Sha256::digest(text.as_bytes());
-    format!("{name}~{:02x}{:02x}{:02x}{:02x}", digest[0], digest[1], digest[2], digest[3])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_stay_inside_the_records_folder() {
-        assert_eq!(folder_name("DEMO-1"), "DEMO-1");
-        for hostile in ["", ".", "..", "../x", "/etc/passwd", "a\0b", "a\nb", "\u{1b}[2J", &"x".repeat(10_000)] {
-            let name = folder_name(hostile);
-            assert!(name.len() <= MAX_NAME + 9, "{name}");
-            assert!(!name.is_empty() && !name.starts_with('.') && !name.contains('/'), "{hostile:?} became {name}");
-        }
-        assert_ne!(folder_name("a/b"), folder_name("a\\b"));
-    }
 }

@@ -11,8 +11,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
 use super::digest::FileDigests;
-use super::folder::folder_name;
-use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, digest, on};
+use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, digest, name, on};
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
 /// station.
@@ -111,7 +110,8 @@ impl FoundRun {
         match &self.run {
             Ok(run) => run.serial_number == serial_number && run.other_module.is_none(),
             Err(error) => {
-                error.is_newer() && self.path.parent().is_some_and(|of| name_of(of) == folder_name(serial_number))
+                error.is_newer()
+                    && self.path.parent().is_some_and(|of| folders_of(serial_number).contains(&name_of(of)))
             }
         }
     }
@@ -164,8 +164,7 @@ pub fn of_day(records: &Path, day: &str, limit: usize) -> Result<(Vec<FoundRun>,
 /// The runs of one module on a day, oldest first, also those of a newer version; empty if the folder cannot be read.
 #[must_use]
 pub fn of_module(records: &Path, day: &str, serial_number: &str) -> Vec<FoundRun> {
-    let folder = records.join(day).join(folder_name(serial_number));
-    let runs = folders(&folder).unwrap_or_default().into_iter().map(found);
+    let runs = runs_of_module(&records.join(day), serial_number).into_iter().map(found);
     runs.filter(|found| found.is_of(serial_number)).collect()
 }
 
@@ -185,8 +184,25 @@ pub fn newest(records: &Path, limit: usize) -> impl Iterator<Item = PathBuf> {
 /// numbers may share one folder.
 pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<Item = PathBuf> {
     let days = folders(records).unwrap_or_default().into_iter().filter(|day| is_day(day)).rev();
-    let name = folder_name(serial_number);
-    days.flat_map(move |day| folders(&day.join(&name)).unwrap_or_default().into_iter().rev())
+    let serial_number = serial_number.to_owned();
+    days.flat_map(move |day| runs_of_module(&day, &serial_number).into_iter().rev())
+}
+
+/// The folders of a module within a day: as it is named now, and as earlier versions named it.
+fn folders_of(serial_number: &str) -> [String; 2] {
+    [name::of_module(serial_number), name::of_module_before(serial_number)]
+}
+
+/// Runs in the folders of a module on a day, oldest first.
+fn runs_of_module(day: &Path, serial_number: &str) -> Vec<PathBuf> {
+    let [now, before] = folders_of(serial_number);
+    let mut runs = folders(&day.join(&now)).unwrap_or_default();
+    if before != now {
+        runs.extend(folders(&day.join(&before)).unwrap_or_default());
+    }
+    // Names of runs begin with their time of day.
+    runs.sort_by(|a, b| a.file_name().cmp(&b.file_name()));
+    runs
 }
 
 fn found(path: PathBuf) -> FoundRun {

@@ -6,6 +6,7 @@ use chrono::{DateTime, FixedOffset, Local, NaiveDateTime};
 use gnc_executive::event::{BenchKind, OtherModule};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
+use gnc_records::store;
 use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::with_causes;
 
@@ -72,7 +73,10 @@ fn line(found: reader::FoundRun) -> RunLine {
             elapsed_s: run.elapsed_s,
         },
         Err(_) => RunLine {
-            serial_number: folder(found.path.parent()),
+            serial_number: {
+                let folder = folder(found.path.parent());
+                store::number_of(&folder).unwrap_or(folder)
+            },
             plan: folder(Some(&found.path)),
             at: named_time(&found.path),
             path: found.path,
