@@ -20,10 +20,13 @@ fn look_up(number: &str) -> Option<Effect> {
     Some(Effect::LookUp(number.to_owned()))
 }
 
+/// What brings the screen to a place.
+type Play = fn(&mut Scene);
+
 /// Every page, every layer, every question that is open while nothing runs.
 #[test]
 fn a_scan_reaches_the_number_from_everywhere() {
-    let plays: [(&str, fn(&mut Scene)); 10] = [
+    let plays: [(&str, Play); 10] = [
         ("the items", |_| {}),
         ("a verdict", fail),
         ("live", |scene| drop(scene.key(Key::F(9)))),
