@@ -89,7 +89,7 @@ pub(super) static TEXTS: Texts = Texts {
     scanner_back: "The scanner at {} is there again.",
     scan_invisible: "A character that nobody sees ({}) was scanned: scan again, or type it.",
     scan_layout: "{}: the scanner types in another layout. Switch to English, scan again.",
-    scan_fields: "Scan the code of the serial number alone. This one has several fields: {}",
+    scan_fields: "Scan the number's own code; this one has several fields: {}",
     scan_cut: "This scan has no line end, those before had: compare {}, then press Enter.",
     scan_waits: "{} was scanned without a line end: Enter or F5 takes it.",
     scan_instead: "{}: F5 starts the test. Dropped what was typed before: {}",
