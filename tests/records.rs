@@ -364,3 +364,63 @@ fn a_run_that_was_taken_away_is_missed() {
     assert_eq!(run.code, Some(1), "{}", run.stderr);
     assert!(run.stdout.contains("was closed, and its folder is missing"), "{}", run.stdout);
 }
+
+/// Another module in the socket than was scanned: errored, never failed; filed against neither number, with both inside.
+#[test]
+fn another_module_than_was_scanned_is_filed_against_neither() {
+    let place = Place::new(STATION);
+    let plan = functional_plan().display().to_string();
+    let run = |number: &str, more: &[&str]| {
+        let sim = ["--auto", &plan, "--sim=wrong-serial-number", "--sim-speed", "max", "--serial-number", number];
+        place.run(sim.iter().chain(more))
+    };
+    for (more, rounds) in [(&[][..], 1), (&["--only", "io"], 2), (&["--loops", "3"], 3)] {
+        let errored = run("SN-1", more);
+        assert_eq!(errored.code, Some(3), "{}{}", errored.stdout, errored.stderr);
+        let told = "this is not the module that was scanned: \"SN-1\" was scanned, and the module in the socket says that it is \"GNC-0666\"";
+        assert!(errored.stdout.contains(told), "{}", errored.stdout);
+        assert!(errored.stdout.contains("NOT THE SCANNED MODULE: SN-1 was scanned, GNC-0666 is in the socket"));
+        // Another round would find the same.
+        let runs = place.runs();
+        assert_eq!(runs.len(), rounds);
+        let folder = runs.last().expect("a run");
+        assert_eq!(folder.parent().and_then(std::path::Path::file_name), Some("_unassigned".as_ref()));
+        assert!(
+            errored
+                .stdout
+                .contains(&format!("record: {}", folder.strip_prefix(place.path()).expect("below").display()))
+        );
+        let record = gnc_tests::read_json(&folder.join("run.json"));
+        assert_eq!(record["other_module"], serde_json::json!({ "scanned": "SN-1", "found": "GNC-0666" }));
+        assert_eq!(record["outcome"], "errored");
+        assert!(
+            record["items"].as_array().expect("items").iter().all(|item| item["outcome"] == "not_run"),
+            "nothing was run"
+        );
+        assert!(
+            !folder.parent().expect("a folder").with_file_name("SN-1").exists(),
+            "it stands with the scanned module"
+        );
+    }
+    for number in ["SN-1", "GNC-0666"] {
+        let shown = place.run(["records", "show", number]);
+        assert_eq!(shown.code, Some(2), "{number} has a run: {}", shown.stdout);
+    }
+    let verified = place.run(["records", "verify"]);
+    assert_eq!(verified.code, Some(0), "{}", verified.stdout);
+    assert!(verified.stdout.contains("the chain of 3 closed runs is whole"), "{}", verified.stdout);
+    let listed = place.run(["records", "list"]);
+    assert_eq!(listed.stdout.matches("other module").count(), 3, "{}", listed.stdout);
+    // It is not taken up again, not even by the module that was in the socket.
+    let folder = place.runs().remove(0).display().to_string();
+    for number in ["SN-1", "GNC-0666"] {
+        let resumed = run(number, &["--resume", &folder]);
+        assert_eq!(resumed.code, Some(2), "{}", resumed.stdout);
+    }
+    let again = place.run(["recompute", &folder]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+    // The scanned module itself is filed as ever.
+    let good = run("GNC-0666", &["--only", "cpu"]);
+    assert_eq!(good.code, Some(0), "{}{}", good.stdout, good.stderr);
+    assert!(good.stdout.contains("/GNC-0666/"), "{}", good.stdout);
+}

@@ -110,7 +110,7 @@ pub struct Ending {
     pub verdict: Verdict,
     /// Why the record could not be written.
     pub store_error: Option<StoreError>,
-    /// Whether any item was begun: without a board, the next round would not be better.
+    /// Whether any item of the scanned module was begun: without a board, the next round would not be better.
     pub begun: bool,
 }
 
@@ -132,12 +132,14 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
         records_refused: Cell::new(false),
         busy: RefCell::new(HashMap::new()),
         paused_since: Cell::new(None),
-        module: ModuleSeen::default(),
+        module: ModuleSeen::scanned(&order.header.serial_number),
         heat: Heat::new(order.job.plan().resume),
     };
     let ended = run.whole().await;
     live.doing.send_replace(Vec::new());
-    let begun = journal.look(|state| state.rows().iter().any(|row| !row.attempts.is_empty()));
+    // Another round would find the same other module.
+    let begun =
+        journal.look(|state| state.other_module().is_none() && state.rows().iter().any(|row| !row.attempts.is_empty()));
     let closed = journal.close().await;
     // If both fail, the error of the writing thread is the cause.
     match closed.and(ended) {
@@ -237,10 +239,18 @@ impl Run<'_> {
             // Items that were not run are no reason to doubt.
             verdict = Verdict::new(Outcome::Failed, self.order.job.selection().is_some());
         }
+        if self.is_other_module() && verdict.of_items() != Outcome::Aborted {
+            verdict = Verdict::new(Outcome::Errored, self.order.job.selection().is_some());
+        }
         // The digests cover complete files only.
         self.journal.raw_files_ended().await;
         self.journal.emit(EventKind::RunEnded(verdict)).await?;
         Ok(verdict)
+    }
+
+    /// Whether the module in the socket was seen not to be the one that was scanned.
+    fn is_other_module(&self) -> bool {
+        self.journal.look(|state| state.other_module().is_some())
     }
 
     /// Everything but the first and the last event. Teardown is always reached, even if the record fails.
@@ -308,6 +318,11 @@ impl Run<'_> {
                 else => break,
             };
             self.land(board, landed, &mut flight).await?;
+            if self.is_other_module() {
+                self.end_open_items().await?;
+                let text = "the module is not the one that was scanned, so the rest of the plan is not run";
+                return self.note(NoteLevel::Error, text.into(), None).await;
+            }
             if self.link_lost.get() {
                 self.end_open_items().await?;
                 let text = "the link is lost, so the rest of the plan is not run";
@@ -408,6 +423,9 @@ impl Run<'_> {
                 self.end_attempt(&landed, Outcome::Errored, Some(error)).await
             }
             End::Done(ref done) => {
+                if let Err(ProcedureError::OtherModule(other)) = done {
+                    self.journal.emit(EventKind::OtherModule(other.clone())).await?;
+                }
                 self.file_error_records(board, &landed).await?;
                 let Some(item) = self.job().item(landed.position) else { return Ok(()) };
                 let (mut outcome, mut error) = self.judged(&landed, item, done.as_ref().err());

@@ -124,11 +124,12 @@ impl Rounds {
 
 /// A face: it shows rounds and never sees an event before the record has it.
 pub trait Observer {
-    /// A round begins and its record lies in this folder. The watcher hears its events.
+    /// A round begins and its record lies in this folder, which moves at its end if the module is not the one that was
+    /// scanned. The watcher hears its events.
     ///
     /// # Errors
     /// The face cannot show the round, which is then not begun.
-    fn begin(&mut self, folder: &Path) -> io::Result<Watcher>;
+    fn begin(&mut self, folder: &RunFolder) -> io::Result<Watcher>;
 
     /// A round has ended. The next one waits until the face has shown this one.
     fn end(&mut self, folder: &Path, ending: &Ending) -> impl Future<Output = ()>;
@@ -337,8 +338,8 @@ impl Ready {
         }
         // Create the folder before power-on, so that a module is not tested without a place for its record.
         let folder = RunFolder::create(records, at, &order.header.serial_number, &plan.name)?.signed_with(key.clone());
-        let path = folder.path().to_owned();
-        let watchers = vec![observer.begin(&path).map_err(ServiceError::Observer)?];
+        let watchers = vec![observer.begin(&folder).map_err(ServiceError::Observer)?];
+        let record = folder.clone();
         let journal = match dated {
             Some(began) => RunJournal::dated(RecordWriter::without_thread(folder, plan, watchers)?, began),
             None => RunJournal::new(RecordWriter::start(folder, plan, watchers)?),
@@ -346,7 +347,7 @@ impl Ready {
         let ending = runner::run(order, journal, control, live).await;
         // Only the log of the first round mentions what was found before it.
         order.found.clear();
-        observer.end(&path, &ending).await;
+        observer.end(record.path(), &ending).await;
         Ok(ending)
     }
 }

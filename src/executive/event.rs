@@ -58,7 +58,7 @@ pub struct Event {
 /// 3. for each skipped item `item_ended` alone, with its cause;
 /// 4. `run_ended`, once and last. An item without `item_ended` was not run.
 ///
-/// `board_found`, `board_rebooted`, `board_breach`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere between
+/// `board_found`, `board_rebooted`, `board_breach`, `other_module`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere between
 /// the first event and the last. A journal that was cut off has no `run_ended`: the run was interrupted.
 ///
 /// Progress is not an event: progress may be skipped, and events never are.
@@ -84,6 +84,8 @@ pub enum EventKind {
     /// The slave board broke a rule of the interface document: once when the run notices it, and again with the last
     /// count and the worst value at the end of the run.
     BoardBreach(BoardBreach),
+    /// The module in the socket is not the one that was scanned. Nothing is said of either.
+    OtherModule(OtherModule),
     /// The module's supply was switched.
     Power(Power),
     /// An attempt of an item begins.
@@ -383,6 +385,15 @@ pub struct BoardBreach {
     pub safety: bool,
 }
 
+/// Two serial numbers that must be the same.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OtherModule {
+    /// The number that was scanned.
+    pub scanned: String,
+    /// The number that the module in the socket says; text from outside.
+    pub found: String,
+}
+
 /// State of the module's supply.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Power {
@@ -452,11 +463,12 @@ pub enum StopHow {
 
 impl EventKind {
     /// The names of all kinds in journals.
-    pub(crate) const NAMES: [&str; 16] = [
+    pub(crate) const NAMES: [&str; 17] = [
         "run_started",
         "board_found",
         "board_rebooted",
         "board_breach",
+        "other_module",
         "power",
         "item_started",
         "measured",
@@ -478,6 +490,7 @@ impl EventKind {
             EventKind::BoardFound(_) => "board_found",
             EventKind::BoardRebooted { .. } => "board_rebooted",
             EventKind::BoardBreach(_) => "board_breach",
+            EventKind::OtherModule(_) => "other_module",
             EventKind::Power(_) => "power",
             EventKind::ItemStarted { .. } => "item_started",
             EventKind::Measured { .. } => "measured",

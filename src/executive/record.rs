@@ -9,8 +9,8 @@ use crate::bench::BenchSite;
 use crate::catalogue::ItemId;
 use crate::details::Details;
 use crate::event::{
-    AttemptError, BenchInfo, BenchKind, BoardInfo, EarlierRun, ErrorRecord, Loop, NoteLevel, PlanInfo, PlannedItem,
-    ProgramVersion, StopHow,
+    AttemptError, BenchInfo, BenchKind, BoardInfo, EarlierRun, ErrorRecord, Loop, NoteLevel, OtherModule, PlanInfo,
+    PlannedItem, ProgramVersion, StopHow,
 };
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
@@ -58,6 +58,9 @@ pub struct RunRecord {
     /// The rules of the interface document that the slave board broke; absent if it broke none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub board_breaches: Vec<BreachRecord>,
+    /// The scanned number and that of the module in the socket, if they are not the same: the run is of neither.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub other_module: Option<OtherModule>,
     /// Names of the chosen items; null for the whole plan. A selection is never a module's pass.
     pub selection: Option<Vec<String>>,
     /// Which round of a loop.
@@ -220,6 +223,7 @@ impl RunRecord {
             bench: header.bench,
             board: state.board().cloned(),
             board_breaches: state.breaches().iter().map(BreachRecord::from).collect(),
+            other_module: state.other_module().cloned(),
             selection: header.selection,
             looped: header.looped,
             started,
@@ -231,11 +235,11 @@ impl RunRecord {
         })
     }
 
-    /// Whether the record may speak for the module: the bench is real, the plan is whole, the run has an end, and its
-    /// verdict is the one that was given when the module was measured.
+    /// Whether the record may speak for the module: the bench is real, the plan is whole, the run has an end, its
+    /// verdict is the one that was given when the module was measured, and the module is the one that was scanned.
     pub fn is_evidence(&self) -> bool {
         let whole = self.selection.is_none() && self.recomputed.is_none() && !self.interrupted;
-        self.bench.kind == BenchKind::Real && whole
+        self.bench.kind == BenchKind::Real && whole && self.other_module.is_none()
     }
 }
 

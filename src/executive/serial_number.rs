@@ -1,6 +1,7 @@
 //! The pattern of serial numbers, as a bench file or a plan writes it: `serial_number = "SN-[0-9]{4}"`.
 
 use std::fmt;
+use std::sync::Arc;
 
 use gnc_config::TomlTable;
 use gnc_text::quoted;
@@ -13,8 +14,9 @@ const PATTERN_CHARACTERS: usize = 256;
 #[derive(Clone, Debug)]
 pub struct SerialNumberPattern {
     /// As it is written.
-    text: String,
-    whole: Regex,
+    text: Arc<str>,
+    /// Shared: bench and plan travel in messages, and stay small so.
+    whole: Arc<Regex>,
 }
 
 impl SerialNumberPattern {
@@ -29,7 +31,7 @@ impl SerialNumberPattern {
         // Alone first: a bracket that is closed too early must not close that of the line below.
         Regex::new(text).map_err(|error| error.to_string())?;
         let whole = Regex::new(&format!("^(?:{text})$")).map_err(|error| error.to_string())?;
-        Ok(Self { text: text.to_owned(), whole })
+        Ok(Self { text: text.into(), whole: Arc::new(whole) })
     }
 
     /// Whether all of a serial number matches.

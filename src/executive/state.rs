@@ -4,8 +4,8 @@ use chrono::{DateTime, FixedOffset};
 
 use crate::details::Details;
 use crate::event::{
-    AttemptError, BoardBreach, BoardInfo, ErrorRecord, Event, EventKind, NoteLevel, PlannedItem, Power, RunHeader,
-    StopHow,
+    AttemptError, BoardBreach, BoardInfo, ErrorRecord, Event, EventKind, NoteLevel, OtherModule, PlannedItem, Power,
+    RunHeader, StopHow,
 };
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, ItemEnd, Outcome, run_outcome};
@@ -40,6 +40,7 @@ pub struct RunState {
     in_flight: usize,
     board: Option<BoardInfo>,
     breaches: Vec<Breach>,
+    other_module: Option<OtherModule>,
     power: Option<Power>,
     notes: Vec<Note>,
     stop: Option<(StopHow, String)>,
@@ -260,6 +261,11 @@ impl RunState {
         &self.breaches
     }
 
+    /// The scanned number and that of the module in the socket, if they are not the same.
+    pub fn other_module(&self) -> Option<&OtherModule> {
+        self.other_module.as_ref()
+    }
+
     /// The module's supply, as last switched.
     pub fn power(&self) -> Option<&Power> {
         self.power.as_ref()
@@ -379,6 +385,7 @@ impl RunState {
                 self.note(Note { stamp, level: NoteLevel::Error, text, item: item.clone() });
             }
             EventKind::BoardBreach(breach) => self.breach(stamp, breach),
+            EventKind::OtherModule(other) => self.other_module = Some(other.clone()),
             EventKind::Power(power) => self.power = Some(power.clone()),
             EventKind::ItemStarted { item, attempt } => {
                 let index = self.open_index(seq, kind, item)?;

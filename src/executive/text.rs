@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use gnc_text::{printable, shortened};
 
 use crate::catalogue::memory::FAULT;
-use crate::event::BenchKind;
+use crate::event::{BenchKind, OtherModule};
 use crate::measurement::{Measurement, Reading};
 use crate::outcome::{Outcome, words};
 use crate::record::{AttemptRecord, BreachRecord, ItemRecord, RunRecord};
@@ -129,6 +129,12 @@ pub fn banners(record: &RunRecord) -> Vec<String> {
     if record.bench.kind == BenchKind::Simulated {
         let personality = record.bench.personality.as_deref().unwrap_or("unknown");
         banners.push(format!("SIMULATED BENCH ({}): no evidence about any module", printable(personality)));
+    }
+    if let Some(OtherModule { scanned, found }) = &record.other_module {
+        let (scanned, found) = (printable(scanned), printable(found));
+        banners.push(format!(
+            "NOT THE SCANNED MODULE: {scanned} was scanned, {found} is in the socket; this run is filed against neither"
+        ));
     }
     if let Some(selection) = &record.selection {
         let names: Vec<_> = selection.iter().map(|name| printable(name)).collect();

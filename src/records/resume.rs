@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use gnc_analysis::capture::Capture;
 use gnc_executive::catalogue::Trace;
-use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, RunHeader};
+use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, OtherModule, RunHeader};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
@@ -44,6 +44,12 @@ pub enum ResumeError {
         /// Its value now.
         is: String,
     },
+    /// The run was of another module than was scanned.
+    #[error(
+        "the run to resume was of another module: {} was scanned, {} was in the socket",
+        gnc_text::quoted(&.0.scanned), gnc_text::quoted(&.0.found)
+    )]
+    OtherModule(OtherModule),
     /// The run was not interrupted.
     #[error("the run to resume was not interrupted: its outcome is {}", .0.as_str())]
     Ended(Verdict),
@@ -70,7 +76,7 @@ impl ResumeError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Unreadable(error) => error.try_this(),
-            Self::Unlike { .. } | Self::Ended(_) | Self::Unsealed => {
+            Self::OtherModule(_) | Self::Unlike { .. } | Self::Ended(_) | Self::Unsealed => {
                 "run the plan from its beginning, without --resume"
             }
             Self::GoesOn => "wait until that run ends, or stop it where it runs",
@@ -138,6 +144,9 @@ impl Resumed {
         same("the plan with the digest", &was.plan.sha256, like.plan_sha256)?;
         same("the serial number", &was.serial_number, like.serial_number)?;
         same("the bench", &bench(&was.bench), &bench(like.bench))?;
+        if let Some(other) = state.other_module() {
+            return Err(ResumeError::OtherModule(other.clone()));
+        }
         if store::goes_on(folder) {
             return Err(ResumeError::GoesOn);
         }

@@ -65,6 +65,8 @@ impl WholeRun {
         let run = found.run.as_ref().ok()?;
         let outcome = run.verdict.of_module()?;
         let counts = run.station == of.station && run.bench.kind == of.kind && run.recomputed.is_none();
+        // A run of another module than was scanned is of neither.
+        let counts = counts && run.other_module.is_none();
         let outcome = if found.sealed { outcome } else { Outcome::Errored };
         counts.then(|| Self {
             serial_number: run.serial_number.clone(),

@@ -19,8 +19,7 @@ use serde::Deserialize;
 
 use crate::store::chain::DayLinks;
 use crate::store::digest::{self, FileDigests};
-use crate::store::folder::folder_name;
-use crate::store::{self, DIGESTS, JOURNAL, RECORD, StoreError, chain, reader};
+use crate::store::{self, DIGESTS, JOURNAL, RECORD, StoreError, chain, name, reader};
 
 /// Most closed runs of a module whose records are opened to find one that counts: more than a socket can make of one
 /// module in a month.
@@ -69,13 +68,13 @@ struct Closed {
 fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Closed, StoreError> {
     let last = (question.now + DATE_SLACK).date_naive();
     let first = (question.now - TimeDelta::days(i64::from(question.valid_days)) - DATE_SLACK).date_naive();
-    let name = folder_name(question.serial_number);
+    let names = reader::folders_of(question.serial_number);
     let mut closed: Vec<(u64, PathBuf)> = Vec::new();
     for day in reader::day_names(records)? {
         let date = NaiveDate::parse_from_str(&day, "%Y-%m-%d");
         let in_time = date.is_ok_and(|date| (first..=last).contains(&date));
-        if in_time && records.join(&day).join(&name).is_dir() {
-            closed.extend(seals.day(&day)?.of_module(&name).map(|(number, run)| (number, records.join(run))));
+        for name in names.iter().filter(|name| in_time && records.join(&day).join(name).is_dir()) {
+            closed.extend(seals.day(&day)?.of_module(name).map(|(number, run)| (number, records.join(run))));
         }
     }
     closed.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
@@ -116,7 +115,7 @@ fn doubt(
 
 /// The newest run of the module by this plan; if there is none, the newest of all.
 fn newest(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
-    let plan = folder_name(question.plan.name());
+    let plan = name::of_part(question.plan.name());
     let of_plan = |folder: &PathBuf| plan_folder(folder).starts_with(&plan);
     let runs = || reader::newest_of_module(records, question.serial_number);
     for folder in runs().filter(of_plan).take(MAX_NAMED) {

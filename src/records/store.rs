@@ -11,6 +11,7 @@ mod cut_off;
 pub mod digest;
 pub(crate) mod folder;
 pub(crate) mod key;
+pub(crate) mod name;
 mod raw;
 pub mod reader;
 mod record_writer;
@@ -23,6 +24,7 @@ use gnc_executive::state::OutOfOrder;
 pub use closing::{goes_on, pretty, seal_interrupted};
 pub use folder::RunFolder;
 pub use key::{KeyError, PublicKey, StationKey};
+pub use name::number_of;
 pub use raw::RawFile;
 pub use record_writer::{RecordWriter, Watcher};
 
@@ -40,6 +42,8 @@ pub const DIGESTS: &str = "SHA256SUMS";
 pub(crate) const SIGNATURE: &str = "SHA256SUMS.sig";
 /// Papers made from the record. The record digest in the passport leaves them out.
 pub(crate) const PAPERS: [&str; 3] = [crate::passport::PASSPORT, crate::passport::PASSPORT_XML, crate::report::REPORT];
+/// The folder of a day for runs of a module that is not the one that was scanned.
+pub const UNASSIGNED: &str = "_unassigned";
 /// The plan as run, and what it includes.
 pub const PLAN: &str = "plan";
 
@@ -93,7 +97,7 @@ impl StoreError {
 
 /// The folder of an item within a run's folder, by its position in the plan from 0.
 pub(crate) fn item_folder(position: usize, item: &str) -> String {
-    format!("{:02}-{}", position + 1, folder::folder_name(item))
+    format!("{:02}-{}", position + 1, name::of_part(item))
 }
 
 /// The raw samples of an attempt within the folder of its item; each round within it has its own file.

@@ -18,7 +18,7 @@ use gnc_bench::service::{self, Observer, Rounds, RunRequest, ServiceError};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
-use gnc_records::store::Watcher;
+use gnc_records::store::{RunFolder, Watcher};
 use gnc_text::{printable, with_causes};
 
 use crate::args::RunArgs;
@@ -199,9 +199,9 @@ struct Shown<'a> {
 }
 
 impl Observer for Shown<'_> {
-    fn begin(&mut self, folder: &Path) -> io::Result<Watcher> {
+    fn begin(&mut self, folder: &RunFolder) -> io::Result<Watcher> {
         let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
-        self.face = Some(Face::start(events, self.live, (self.events_to_stdout, self.bell), folder.to_owned())?);
+        self.face = Some(Face::start(events, self.live, (self.events_to_stdout, self.bell), folder.clone())?);
         Ok(Box::new(move |event| watcher.try_send(event.clone()).is_ok()))
     }
 

@@ -13,7 +13,7 @@ use gnc_executive::plan::Plan;
 use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
-use gnc_records::store::Watcher;
+use gnc_records::store::{RunFolder, Watcher};
 
 use super::case::{Case, Link};
 
@@ -96,8 +96,8 @@ impl<F: Fn() -> bool + Clone + Send + 'static> Heard<F> {
 }
 
 impl<F: Fn() -> bool + Clone + Send + 'static> Observer for Heard<F> {
-    fn begin(&mut self, folder: &Path) -> std::io::Result<Watcher> {
-        self.folder = Some(folder.to_owned());
+    fn begin(&mut self, folder: &RunFolder) -> std::io::Result<Watcher> {
+        self.folder = Some(folder.path().to_owned());
         let event = self.event.clone();
         Ok(Box::new(move |_: &Event| event()))
     }

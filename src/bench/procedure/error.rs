@@ -4,6 +4,7 @@ use gnc_analysis::figures::FigureError;
 use gnc_analysis::motion::watch::Spoilt;
 use gnc_board::BoardError;
 use gnc_executive::catalogue::ItemId;
+use gnc_executive::event::OtherModule;
 use gnc_executive::plan::ParamError;
 use gnc_link::can::CanOpenError;
 use gnc_metrology::sample_clock::ClockFault;
@@ -209,6 +210,12 @@ pub(crate) enum ProcedureError {
         /// The module now.
         is: String,
     },
+    /// The module in the socket has another serial number than was scanned.
+    #[error(
+        "this is not the module that was scanned: {} was scanned, and the module in the socket says that it is {}",
+        gnc_text::quoted(&.0.scanned), gnc_text::quoted(&.0.found)
+    )]
+    OtherModule(OtherModule),
     /// This station has no procedure for the item.
     #[error("this station cannot run {item}: {why}")]
     CannotRun {
@@ -294,6 +301,9 @@ impl ProcedureError {
             }
             Self::ModuleChanged { .. } => {
                 "leave the module in its socket during the run; if it stayed there, suspect the memory of its identity"
+            }
+            Self::OtherModule(_) => {
+                "put the scanned module into the socket, or scan the label of this one; nothing is said of either"
             }
             Self::CannotRun { .. } => "take the item out of the plan or mark it optional",
             Self::TookTooLong { .. } => {

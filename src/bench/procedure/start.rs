@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::time::Duration;
 
 use gnc_board::BoardError;
+use gnc_executive::event::OtherModule;
 use gnc_protocol::FaultCode;
 use gnc_protocol::message::{Identity, IdentityReply};
 
@@ -14,23 +15,36 @@ use crate::turntable::Turntable;
 const ASK_EVERY: Duration = Duration::from_millis(20);
 
 /// The module that answered first in this run. Samples and figures of a run are of one module.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct ModuleSeen {
+    /// The number that was scanned.
+    scanned: String,
     first: RefCell<Option<IdentityReply>>,
 }
 
 impl ModuleSeen {
-    /// Whether a module has said who it is.
+    /// Whether the scanned module has said who it is.
     pub(crate) fn is_known(&self) -> bool {
         self.first.borrow().is_some()
     }
 
-    /// Remembers the first identity of the run and compares every later one with it. `when` tells people when it came.
+    /// No module has said who it is yet.
+    pub(crate) fn scanned(serial_number: &str) -> Self {
+        Self { scanned: serial_number.to_owned(), first: RefCell::default() }
+    }
+
+    /// Holds the first identity of the run against the scanned number, remembers it, and compares every later one with it.
+    /// `when` tells people when it came.
     ///
     /// # Errors
-    /// [`ProcedureError::ModuleChanged`]: another module answers.
+    /// [`ProcedureError::OtherModule`]: this module was not scanned. [`ProcedureError::ModuleChanged`]: another module answers
+    /// than before.
     pub(crate) fn compare(&self, identity: &IdentityReply, when: impl Into<String>) -> Result<(), ProcedureError> {
         let mut first = self.first.borrow_mut();
+        if first.is_none() && identity.serial_number.as_str() != self.scanned {
+            let found = identity.serial_number.as_str().to_owned();
+            return Err(ProcedureError::OtherModule(OtherModule { scanned: self.scanned.clone(), found }));
+        }
         let first = first.get_or_insert_with(|| identity.clone());
         if first == identity {
             return Ok(());

@@ -175,23 +175,21 @@ impl Run<'_> {
         };
         let fits = self.takes_up(&power).map_err(|unlike| told(&unlike, unlike.try_this()));
         self.journal.emit(EventKind::Power(power)).await?;
-        let same = match fits {
-            Ok(()) => self.is_same(lease).await.map_err(|changed| told(&changed, changed.try_this())),
-            unlike => unlike,
-        };
-        let Err(text) = same else { return Ok(true) };
+        // Whose run it is comes before what is left of an earlier run of it.
+        let same = self.is_same(lease).await;
+        if let Err(ProcedureError::OtherModule(other)) = &same {
+            self.journal.emit(EventKind::OtherModule(other.clone())).await?;
+        }
+        let Err(text) = same.map_err(|other| told(&other, other.try_this())).and(fits) else { return Ok(true) };
         self.note(NoteLevel::Error, text, item).await?;
         Ok(false)
     }
 
-    /// Checks that the module of an earlier session of the run is still in the socket. If the module does not answer, the items
+    /// Checks that the module in the socket is the one that was scanned, and that of earlier sessions of the run. If the module does not answer, the items
     /// find that.
     async fn is_same(&self, lease: &BoardLease<'_>) -> Result<(), ProcedureError> {
-        if !self.module.is_known() {
-            return Ok(());
-        }
         match timeout(OWN_CALL, lease.call(&Identity {})).await {
-            Ok(Ok(identity)) => self.module.compare(&identity, "in the new session"),
+            Ok(Ok(identity)) => self.module.compare(&identity, "after the power-on"),
             Ok(Err(_)) | Err(_) => Ok(()),
         }
     }

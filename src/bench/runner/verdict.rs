@@ -38,6 +38,8 @@ pub(super) fn judge(
         | ProcedureError::CaptureLost { .. }
         // The module had another temperature in the earlier run, and that is no fault of it.
         | ProcedureError::OtherTemperature { .. }
+        // It is another module.
+        | ProcedureError::OtherModule(_)
         // What the board says against the interface document says nothing either, and a value before it may be of the
         // same kind.
         | ProcedureError::Board(BoardError::Breach { .. } | BoardError::PowerLost) => Outcome::Errored,

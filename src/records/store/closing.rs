@@ -47,6 +47,9 @@ fn is_held(file: File) -> bool {
 /// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end.
 pub(super) fn close(folder: &RunFolder, record: Option<&RunRecord>, cut_off: &[CutOffFile]) -> Result<(), StoreError> {
     let mut sums = FileDigests::default();
+    if record.is_some_and(|record| record.other_module.is_some()) {
+        folder.unassign()?;
+    }
     if let Some(record) = record {
         folder.put(LOG, |out| out.write_all(log(record, cut_off).as_bytes()))?;
         folder.put(RECORD, |out| pretty(out, record))?;

@@ -3,25 +3,24 @@
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use chrono::{DateTime, FixedOffset};
 use nix::fcntl::{Flock, FlockArg};
-use sha2::{Digest as _, Sha256};
 
-use super::{StationKey, StoreError, on};
+use super::{StationKey, StoreError, UNASSIGNED, name, on};
 
 /// Bound on the runs of one plan with one serial number in one second; more mean a loop out of control.
 const MAX_SAME_SECOND: u32 = 10_000;
 /// Name ending of a file that is not completely written.
 pub(super) const PART: &str = "part";
-/// Longest part of a serial number in a folder's name.
-const MAX_NAME: usize = 64;
 
 /// The folder of a run.
 #[derive(Debug, Clone)]
 pub struct RunFolder {
     path: PathBuf,
+    /// Where the folder is since it was moved. Copies share it.
+    moved: Arc<OnceLock<PathBuf>>,
     /// Signs the folder when it is closed.
     key: Option<StationKey>,
     /// Shows from the first moment on that the run goes on, long before a slow disk has its journal. Nothing depends on it
@@ -40,9 +39,9 @@ impl RunFolder {
         serial_number: &str,
         plan: &str,
     ) -> Result<Self, StoreError> {
-        let day = records.join(at.format("%Y-%m-%d").to_string()).join(folder_name(serial_number));
+        let day = records.join(at.format("%Y-%m-%d").to_string()).join(name::of_module(serial_number));
         on(fs::create_dir_all(&day), "create", &day)?;
-        let name = format!("{}-{}", at.format("%H%M%S"), folder_name(plan));
+        let name = format!("{}-{}", at.format("%H%M%S"), name::of_part(plan));
         let folder = Self::fresh(&day, &name)?;
         // The names of the new folders must survive a power cut as well.
         for dir in [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten() {
@@ -66,7 +65,11 @@ impl RunFolder {
 
     /// The folder of a run whose program died.
     pub(super) fn existing(path: &Path) -> Self {
-        Self { path: path.to_owned(), key: None, _held: None }
+        Self::at(path.to_owned(), None)
+    }
+
+    fn at(path: PathBuf, held: Option<Flock<File>>) -> Self {
+        Self { path, moved: Arc::default(), key: None, _held: held.map(Arc::new) }
     }
 
     /// The same folder with a key that signs it when it is closed.
@@ -86,7 +89,7 @@ impl RunFolder {
                 Ok(()) => {
                     let held = File::open(&path).ok();
                     let held = held.and_then(|folder| Flock::lock(folder, FlockArg::LockExclusiveNonblock).ok());
-                    return Ok(Self { path, key: None, _held: held.map(Arc::new) });
+                    return Ok(Self::at(path, held));
                 }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return on(Err(error), "create", &path),
@@ -95,27 +98,48 @@ impl RunFolder {
         on(Err(io::ErrorKind::AlreadyExists.into()), "create", &parent.join(name))
     }
 
-    /// The path of the folder.
+    /// The path of the folder. It changes once if the run turns out to be of another module.
     #[must_use]
     pub fn path(&self) -> &Path {
-        &self.path
+        self.moved.get().unwrap_or(&self.path)
+    }
+
+    /// Moves a run whose module is not the one that was scanned to `DATE/_unassigned/TIME-PLAN`, so that it stands with neither.
+    pub(super) fn unassign(&self) -> Result<(), StoreError> {
+        let from = self.path();
+        let (Some(serial), Some(name)) = (from.parent(), from.file_name()) else { return Ok(()) };
+        let Some(day) = serial.parent().filter(|_| serial.file_name() != Some(UNASSIGNED.as_ref())) else {
+            return Ok(());
+        };
+        let unassigned = day.join(UNASSIGNED);
+        on(fs::create_dir_all(&unassigned), "create", &unassigned)?;
+        // Another run may have the name: an empty folder keeps the place until the run is moved over it.
+        let to = Self::fresh(&unassigned, &name.to_string_lossy())?.path;
+        on(fs::rename(from, &to), "move", from)?;
+        // It stays where the scanned module has other runs.
+        let _ = fs::remove_dir(serial);
+        for dir in [serial, unassigned.as_path(), day].into_iter().filter(|dir| dir.exists()) {
+            sync_dir(dir)?;
+        }
+        let _ = self.moved.set(to);
+        Ok(())
     }
 
     /// Opens a new file to append to.
     pub(super) fn create_file(&self, name: &str) -> Result<File, StoreError> {
-        let path = self.path.join(name);
+        let path = self.path().join(name);
         let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
-        sync_dir(&self.path)?;
+        sync_dir(self.path())?;
         Ok(file)
     }
 
     /// Opens a new file in its own subfolder to append to.
     pub(super) fn create_below(&self, name: &str) -> Result<File, StoreError> {
-        let path = self.path.join(name);
+        let path = self.path().join(name);
         let parent = self.parent(&path)?;
         let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
         sync_dir(parent)?;
-        sync_dir(&self.path)?;
+        sync_dir(self.path())?;
         Ok(file)
     }
 
@@ -123,7 +147,7 @@ impl RunFolder {
     /// removed, a part of the record must not look like the complete record.
     fn parent<'a>(&self, path: &'a Path) -> Result<&'a Path, StoreError> {
         let parent = path.parent().unwrap_or(path);
-        if parent == self.path {
+        if parent == self.path() {
             return Ok(parent);
         }
         match DirBuilder::new().create(parent) {
@@ -148,13 +172,13 @@ impl RunFolder {
         write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
     ) -> Result<(), StoreError> {
         self.place(name, write, true)?;
-        sync_dir(self.path.join(name).parent().unwrap_or(&self.path))
+        sync_dir(self.path().join(name).parent().unwrap_or(self.path()))
     }
 
     /// Waits until all written files are on disk.
     pub(super) fn sync(&self) -> Result<(), StoreError> {
-        let dir = on(File::open(&self.path), "read", &self.path)?;
-        on(nix::unistd::syncfs(dir).map_err(io::Error::from), "write", &self.path)
+        let dir = on(File::open(self.path()), "read", self.path())?;
+        on(nix::unistd::syncfs(dir).map_err(io::Error::from), "write", self.path())
     }
 
     fn place(
@@ -163,7 +187,7 @@ impl RunFolder {
         write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
         sync: bool,
     ) -> Result<(), StoreError> {
-        let path = self.path.join(name);
+        let path = self.path().join(name);
         let parent = self.parent(&path)?;
         let mut hidden = path.file_name().unwrap_or_default().to_os_string();
         hidden.push(format!(".{PART}"));
@@ -184,23 +208,6 @@ impl RunFolder {
 
 pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
     on(File::open(dir).and_then(|dir| dir.sync_all()), "write", dir)
-}
-
-/// A text from outside as the name of a folder: letters, digits, `-`, `_`, `.`, and not a hidden name. If characters
-/// were replaced or cut, a digest keeps different texts apart.
-#[must_use]
-pub(crate) fn folder_name(text: &str) -> String {
-    let harmless = |character: char| character.is_ascii_alphanumeric() || matches!(character, '-' | '_' | '.');
-    let mut name: String =
-        text.chars().take(MAX_NAME).map(|character| if harmless(character) { character } else { '_' }).collect();
-    if name.starts_with('.') {
-        name.replace_range(..1, "_");
-    }
-    if name == text && !name.is_empty() {
-        return name;
-    }
-    let digest = Sha256::digest(text.as_bytes());
-    format!("{name}~{:02x}{:02x}{:02x}{:02x}", digest[0], digest[1], digest[2], digest[3])
 }
 
 #[cfg(test)]
@@ -227,16 +234,5 @@ mod tests {
         drop(folder);
         drop(held);
         assert_eq!(look(), (Found::Unreadable, false), "its station has died");
-    }
-
-    #[test]
-    fn names_stay_inside_the_records_folder() {
-        assert_eq!(folder_name("DEMO-1"), "DEMO-1");
-        for hostile in ["", ".", "..", "../x", "/etc/passwd", "a\0b", "a\nb", "\u{1b}[2J", &"x".repeat(10_000)] {
-            let name = folder_name(hostile);
-            assert!(name.len() <= MAX_NAME + 9, "{name}");
-            assert!(!name.is_empty() && !name.starts_with('.') && !name.contains('/'), "{hostile:?} became {name}");
-        }
-        assert_ne!(folder_name("a/b"), folder_name("a\\b"));
     }
 }

@@ -12,8 +12,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
 use super::digest::FileDigests;
-use super::folder::folder_name;
-use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, digest, goes_on, on};
+use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, digest, goes_on, name, on};
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
 /// station.
@@ -186,9 +185,10 @@ impl FoundRun {
     #[must_use]
     pub fn is_of(&self, serial_number: &str) -> bool {
         match &self.run {
-            Ok(run) => run.serial_number == serial_number,
+            Ok(run) => run.serial_number == serial_number && run.other_module.is_none(),
             Err(error) => {
-                error.is_newer() && self.path.parent().is_some_and(|of| name_of(of) == folder_name(serial_number))
+                error.is_newer()
+                    && self.path.parent().is_some_and(|of| folders_of(serial_number).contains(&name_of(of)))
             }
         }
     }
@@ -226,7 +226,7 @@ fn paths_wanted(records: &Path, wanted: Wanted<'_>) -> Result<Vec<PathBuf>, Stor
     for day in folders(records)?.into_iter().filter(|path| day_of(path).is_some_and(|day| wanted.has_day(day))) {
         // A folder that cannot be read does not hide the others.
         let serials = match wanted.serial_number {
-            Some(serial_number) => vec![day.join(folder_name(serial_number))],
+            Some(serial_number) => folders_of(serial_number).into_iter().map(|name| day.join(name)).collect(),
             None => folders(&day).unwrap_or_default(),
         };
         for serial in serials {
@@ -244,7 +244,11 @@ fn paths_wanted(records: &Path, wanted: Wanted<'_>) -> Result<Vec<PathBuf>, Stor
 /// The folder itself cannot be read.
 pub fn days(records: &Path) -> Result<Vec<(String, usize)>, StoreError> {
     let days = folders(records)?.into_iter().filter(|day| is_day(day));
-    Ok(days.map(|day| (name_of(&day), folders(&day).unwrap_or_default().len())).collect())
+    let modules = |day: &Path| {
+        let folders = folders(day).unwrap_or_default();
+        folders.iter().filter(|folder| name_of(folder) != UNASSIGNED).count()
+    };
+    Ok(days.map(|day| (name_of(&day), modules(&day))).collect())
 }
 
 /// The folders of the runs of a day, in no order.
@@ -283,8 +287,7 @@ pub fn of_day(records: &Path, day: &str, limit: usize) -> Result<(Vec<FoundRun>,
 /// The runs of one module on a day, oldest first, also those of a newer version; empty if the folder cannot be read.
 #[must_use]
 pub fn of_module(records: &Path, day: &str, serial_number: &str) -> Vec<FoundRun> {
-    let folder = records.join(day).join(folder_name(serial_number));
-    let runs = folders(&folder).unwrap_or_default().into_iter().map(found);
+    let runs = runs_of_module(&records.join(day), serial_number).into_iter().map(found);
     runs.filter(|found| found.is_of(serial_number)).collect()
 }
 
@@ -304,8 +307,24 @@ pub fn newest(records: &Path, limit: usize) -> impl Iterator<Item = PathBuf> {
 /// numbers may share one folder.
 pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<Item = PathBuf> {
     let days = folders(records).unwrap_or_default().into_iter().filter(|day| is_day(day)).rev();
-    let name = folder_name(serial_number);
-    days.flat_map(move |day| folders(&day.join(&name)).unwrap_or_default().into_iter().rev())
+    let serial_number = serial_number.to_owned();
+    days.flat_map(move |day| runs_of_module(&day, &serial_number).into_iter().rev())
+}
+
+/// The folders of a module within a day: as it is named now, and as earlier versions named it, if that differs.
+pub(crate) fn folders_of(serial_number: &str) -> Vec<String> {
+    let mut names = vec![name::of_module(serial_number), name::of_module_before(serial_number)];
+    names.dedup();
+    names
+}
+
+/// Runs in the folders of a module on a day, oldest first.
+fn runs_of_module(day: &Path, serial_number: &str) -> Vec<PathBuf> {
+    let of_both = folders_of(serial_number).into_iter().map(|name| folders(&day.join(name)).unwrap_or_default());
+    let mut runs: Vec<PathBuf> = of_both.flatten().collect();
+    // Names of runs begin with their time of day.
+    runs.sort_by(|a, b| a.file_name().cmp(&b.file_name()));
+    runs
 }
 
 /// Reads a run, and the state of its folder.

@@ -20,7 +20,7 @@ use tokio::sync::{mpsc, oneshot};
 
 use super::closing::pretty;
 use super::raw::RawThread;
-use super::{ITEM, JOURNAL, PLAN, RawFile, RunFolder, StoreError, closing, folder, item_folder, on, raw_file};
+use super::{ITEM, JOURNAL, PLAN, RawFile, RunFolder, StoreError, closing, item_folder, name, on, raw_file};
 
 /// Most events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
@@ -234,8 +234,7 @@ impl JournalFile {
     fn open(folder: &RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
         for (index, (name, text)) in plan.files().enumerate() {
             let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
-            folder
-                .put(&format!("{PLAN}/{:02}-{}", index + 1, folder::folder_name(&name)), |out| out.write_all(text))?;
+            folder.put(&format!("{PLAN}/{:02}-{}", index + 1, name::of_part(&name)), |out| out.write_all(text))?;
         }
         let journal = closing::hold(folder.create_file(JOURNAL)?, &folder.path().join(JOURNAL))?;
         let state = Arc::new(Mutex::new(RunState::new()));

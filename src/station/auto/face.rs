@@ -1,7 +1,6 @@
 //! What `--auto` shows: lines as items end, progress meanwhile, the failing rows again at the end.
 
 use std::io::{self, IsTerminal as _, Write};
-use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -13,6 +12,7 @@ use gnc_executive::event::{Event, EventKind, NoteLevel};
 use gnc_executive::record::{ItemRecord, RunRecord};
 use gnc_executive::state::RunState;
 use gnc_executive::text;
+use gnc_records::store::RunFolder;
 use gnc_text::printable;
 use terminal_size::terminal_size_of;
 use tokio::sync::watch;
@@ -34,7 +34,7 @@ impl Face {
         events: Receiver<Event>,
         live: &Live,
         (events_to_stdout, bell): (bool, bool),
-        folder: PathBuf,
+        folder: RunFolder,
     ) -> io::Result<Self> {
         let terminal = if events_to_stdout { io::stderr().is_terminal() } else { io::stdout().is_terminal() };
         let writer = Writer {
@@ -70,7 +70,7 @@ struct Writer {
     line_due: Instant,
     bar_drawn: bool,
     state: RunState,
-    folder: PathBuf,
+    folder: RunFolder,
 }
 
 impl Writer {
@@ -180,7 +180,7 @@ impl Writer {
         for banner in text::banners(&record) {
             self.say(&banner);
         }
-        self.say(&format!("record: {}", self.folder.display()));
+        self.say(&format!("record: {}", self.folder.path().display()));
     }
 
     /// Draws a bar on a terminal; elsewhere it writes a line now and then.

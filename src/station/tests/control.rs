@@ -22,7 +22,7 @@ use gnc_executive::verdict::Verdict;
 use gnc_link::{Link, Target};
 use gnc_protocol::calibration::{Calibration, CalibrationCommit, CalibrationWrite};
 use gnc_protocol::message::ModulePower;
-use gnc_records::store::Watcher;
+use gnc_records::store::{RunFolder, Watcher};
 use hw_mocks::{BenchOptions, RunningBench, Speed};
 use played::{outcomes, request, run_plan, serve};
 use tokio::sync::watch;
@@ -85,8 +85,8 @@ struct Fated<'a> {
 }
 
 impl Observer for Fated<'_> {
-    fn begin(&mut self, folder: &Path) -> std::io::Result<Watcher> {
-        let (fate, folder) = (self.fates.next().copied().unwrap_or(Fate::Shown), folder.to_owned());
+    fn begin(&mut self, folder: &RunFolder) -> std::io::Result<Watcher> {
+        let (fate, folder) = (self.fates.next().copied().unwrap_or(Fate::Shown), folder.path().to_owned());
         if fate == Fate::Unshown {
             return Err(std::io::Error::other("no thread"));
         }

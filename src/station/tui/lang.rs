@@ -168,6 +168,7 @@ pub(crate) struct Texts {
     pub scan_empty: &'static str,
     pub scan_too_long: &'static str,
     pub scan_control: &'static str,
+    pub other_module: &'static str,
     pub scan_misfit: &'static str,
     pub scanner_lost: &'static str,
     pub scanner_back: &'static str,

@@ -59,6 +59,8 @@ pub(crate) enum Msg {
     Prepared(Box<Prepared>),
     /// A round begins; its record is in this folder.
     RoundBegins { folder: PathBuf },
+    /// A round has ended; its record is in this folder.
+    RoundEnded { folder: PathBuf },
     /// No round follows; why a record could not be written, and why a round was not begun.
     RunOver { store_error: Option<String>, refusal: Option<String> },
     /// The record of a run whose events did not all come.
@@ -178,7 +180,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         Msg::BrokeOff { serial_number, run } => run::broke_off(model, &serial_number, run.as_ref()),
         Msg::Standing { serial_number, standing } => run::standing(model, &serial_number, standing),
         Msg::Prepared(prepared) => return start::prepared(model, *prepared),
-        Msg::RoundBegins { folder } => {
+        Msg::RoundBegins { folder } | Msg::RoundEnded { folder } => {
             if let Some(run) = &mut model.run {
                 run.folder = Some(folder);
             }

@@ -15,7 +15,7 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
 use gnc_link::Target;
-use gnc_records::store::Watcher;
+use gnc_records::store::{RunFolder, Watcher};
 use hw_mocks::{BenchOptions, RunningBench};
 
 /// Runs a plan once. `watch` sees every event and may ask for anything. Returns the run as it ended.
@@ -68,6 +68,9 @@ pub(crate) fn serve(
 ) -> Result<RunsDone, ServiceError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
+        // The module that is scanned is the one in the socket.
+        let serial_number = options.serial_number.clone().or_else(|| Some(request.serial_number.clone()));
+        let options = &BenchOptions { serial_number, ..options.clone() };
         let bench = RunningBench::start(options).expect("a simulated bench");
         let file = BenchFile::read("bench.toml", hw_mocks::BENCH_FILE.into()).expect("the bench's file");
         let records = tempfile::tempdir().expect("a folder");
@@ -96,7 +99,7 @@ struct Told {
 }
 
 impl Observer for Told {
-    fn begin(&mut self, _: &Path) -> std::io::Result<Watcher> {
+    fn begin(&mut self, _: &RunFolder) -> std::io::Result<Watcher> {
         let events = self.events.take().expect("one round");
         Ok(Box::new(move |event| events.try_send(event.clone()).is_ok()))
     }

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset, Local, NaiveDateTime};
-use gnc_executive::event::BenchKind;
+use gnc_executive::event::{BenchKind, OtherModule};
 use gnc_executive::record::RunRecord;
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
+use gnc_records::store;
 use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::with_causes;
 
@@ -59,13 +60,19 @@ fn line(found: reader::FoundRun) -> RunLine {
             simulated: run.bench.kind == BenchKind::Simulated,
             selection: run.selection.is_some(),
             rejudged: run.recomputed.is_some(),
-            serial_number: run.serial_number,
+            serial_number: match run.other_module {
+                Some(OtherModule { scanned, found }) => format!("{found} / {scanned}"),
+                None => run.serial_number,
+            },
             plan: run.plan.name,
             mark,
             elapsed_s: run.elapsed_s,
         },
         Err(_) => RunLine {
-            serial_number: folder(found.path.parent()),
+            serial_number: {
+                let folder = folder(found.path.parent());
+                store::number_of(&folder).unwrap_or(folder)
+            },
             plan: folder(Some(&found.path)),
             at: named_time(&found.path),
             path: found.path,

@@ -11,7 +11,7 @@ use gnc_bench::service::{self, Observer, RunRequest};
 use gnc_executive::event::Event;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
-use gnc_records::store::Watcher;
+use gnc_records::store::{RunFolder, Watcher};
 use gnc_text::with_causes;
 use tokio::sync::mpsc;
 
@@ -152,8 +152,8 @@ struct Shown {
 }
 
 impl Observer for Shown {
-    fn begin(&mut self, folder: &Path) -> io::Result<Watcher> {
-        let _ = self.screen.try_send(Msg::RoundBegins { folder: folder.to_owned() });
+    fn begin(&mut self, folder: &RunFolder) -> io::Result<Watcher> {
+        let _ = self.screen.try_send(Msg::RoundBegins { folder: folder.path().to_owned() });
         let screen = self.screen.clone();
         Ok(Box::new(move |event: &Event| {
             let told = screen.try_send(Msg::Event(Box::new(event.clone())));
@@ -163,6 +163,8 @@ impl Observer for Shown {
 
     async fn end(&mut self, folder: &Path, ending: &Ending) {
         self.told.verdict(folder, &self.serial_number, ending.verdict);
+        // The record of another module than was scanned was moved.
+        let _ = self.screen.try_send(Msg::RoundEnded { folder: folder.to_owned() });
         if let Some(error) = &ending.store_error {
             self.store_error = Some(format!("{}; {}", with_causes(error), error.try_this()));
         }

@@ -1,6 +1,7 @@
 //! Scans reach the serial number from everywhere, and nothing else.
 
 use gnc_bench::fixture::Ask;
+use gnc_executive::event::{EventKind, OtherModule};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::serial_number::SerialNumberPattern;
 
@@ -20,10 +21,13 @@ fn look_up(number: &str) -> Option<Effect> {
     Some(Effect::LookUp(number.to_owned()))
 }
 
+/// What brings the screen to a place.
+type Play = fn(&mut Scene);
+
 /// Every page, every layer, every question that is open while nothing runs.
 #[test]
 fn a_scan_reaches_the_number_from_everywhere() {
-    let plays: [(&str, fn(&mut Scene)); 10] = [
+    let plays: [(&str, Play); 10] = [
         ("the items", |_| {}),
         ("a verdict", fail),
         ("live", |scene| drop(scene.key(Key::F(9)))),
@@ -222,4 +226,19 @@ fn a_scanner_that_goes_is_told() {
     assert!(scene.text().contains("type the number: there is no port /dev/ttyACM0"), "{}", scene.text());
     scene.tell(Msg::ScannerBack { port: "/dev/ttyACM0".into() });
     assert!(scene.text().contains("The scanner at /dev/ttyACM0 is there again."), "{}", scene.text());
+}
+
+/// A module that was not scanned is told with both numbers, also on the smallest screen.
+#[test]
+fn another_module_is_told_with_both_numbers() {
+    for lang in Lang::ALL {
+        let mut scene = scene(lang);
+        scene.start("DEMO-1");
+        let (scanned, found) = ("DEMO-1".into(), "GNC-0666".into());
+        scene.event(EventKind::OtherModule(OtherModule { scanned, found }));
+        scene.run_ends(Outcome::Errored);
+        let text = scene.text();
+        let line = text.lines().find(|line| line.contains("GNC-0666")).expect("a line");
+        assert!(line.contains("DEMO-1"), "{lang:?}: {line}");
+    }
 }

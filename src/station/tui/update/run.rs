@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gnc_bench::fixture::Ask;
-use gnc_executive::event::{Event, EventKind};
+use gnc_executive::event::{Event, EventKind, OtherModule};
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 
@@ -31,6 +31,12 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         // The terminal was so far behind that events were lost. The record has them all.
         run.events_lost = true;
         model.say(MessageWeight::Warning, model.texts.events_lost);
+        return None;
+    }
+    if let EventKind::OtherModule(OtherModule { scanned, found }) = &event.kind {
+        let [scanned, found] = [scanned, found].map(|text| gnc_text::printable(text).into_owned());
+        let told = words(model.texts.other_module, &[&found, &scanned]);
+        model.say(MessageWeight::Error, told);
         return None;
     }
     if let EventKind::ItemStarted { item, .. } = &event.kind
