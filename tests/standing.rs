@@ -1,7 +1,5 @@
 //! What the records say of a module, as its operator and scripts meet it on real and simulated benches.
 
-#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
-
 use std::fs;
 
 use gnc_tests::{Board, PARTIAL, Place, Run};
