@@ -2,7 +2,6 @@
 
 use std::fs::File;
 use std::io::Write as _;
-use std::os::fd::AsRawFd as _;
 use std::path::Path;
 
 use gnc_tests::Place;
@@ -16,6 +15,9 @@ use crate::{F1, F2, F5, F7, F9, F10, STATION, mock, open, outcomes};
 
 const PLAN: &str =
     "name = \"short\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n";
+
+/// A key, and what the screen shows then.
+type Step = (&'static [u8], &'static str);
 
 fn screen(place: &Place, plan: &str) -> Terminal {
     place.write("p.toml", PLAN);
@@ -35,7 +37,7 @@ fn leaves(mut terminal: Terminal) {
 fn scans_reach_the_number_from_every_page() {
     let place = Place::new(STATION);
     let mut terminal = screen(&place, "p.toml");
-    let ways: [(&[(&[u8], &str)], &[u8]); 8] = [
+    let ways: [(&[Step], &[u8]); 8] = [
         (&[], b"]C1SN-0001\r\n"),
         (&[(F9, "[Live]")], b"\x02SN-0002\x03"),
         (&[(F9, "[Live]"), (F9, "[Records]")], b"SN-0003\t"),
@@ -72,7 +74,7 @@ fn bad_scans_are_told() {
     place.write("q.toml", &PLAN.replace("version", "serial_number = \"SN-[0-9]{4}\"\nversion"));
     let mut terminal = screen(&place, "q.toml");
     for (code, told) in [
-        (&"ЫТ-0001\r"[..], "the scanner types in another layout"),
+        ("ЫТ-0001\r", "the scanner types in another layout"),
         ("ＳＮ－０００１\r", "Switch to English, scan again."),
         ("]d221SN-0001\u{1d}10LOT5\r", "several fields: 21SN-0"),
         ("SN-00011\r", "SN-00011 is no serial number here, it must fit SN-[0-9]{4}"),
@@ -146,7 +148,6 @@ impl Scanner {
 
     fn scans(&self, code: &[u8]) {
         let fd = nix::unistd::dup(&self.master).expect("its end");
-        assert!(fd.as_raw_fd() >= 0);
         File::from(fd).write_all(code).expect("the station reads");
     }
 }
