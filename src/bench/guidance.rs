@@ -6,6 +6,7 @@
 
 pub mod allan;
 pub mod field;
+pub mod heat;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -20,6 +21,7 @@ use tokio::sync::watch;
 
 use allan::{AllanSoFar, AllanView};
 use field::{FieldSoFar, FieldView};
+use heat::{HeatSoFar, HeatView};
 
 /// Interval at which guidance is handed on while samples come. A screen draws 30 times a second.
 const EVERY: Duration = Duration::from_millis(50);
@@ -49,6 +51,8 @@ pub struct Guidance {
     pub done_s: f64,
     /// Bench time of all steps.
     pub whole_s: f64,
+    /// The temperatures of the sensors over the captures so far; `None` before the first mean.
+    pub heat: Option<HeatView>,
     /// What the samples of the current capture show so far, if they make a picture.
     pub picture: Option<Picture>,
 }
@@ -132,6 +136,7 @@ impl Guidance {
             joined: if program.steps.iter().any(compensates) { Joined::All } else { Joined::None },
             done_s: 0.0,
             whole_s: program.span_s(),
+            heat: None,
             picture: None,
         }
     }
@@ -276,6 +281,7 @@ pub(crate) struct Course<'a> {
     guide: &'a Guide,
     now: Guidance,
     collected: Option<Collected>,
+    heat: HeatSoFar,
     handed_on: Option<Instant>,
     drawn: Option<Instant>,
 }
@@ -283,12 +289,23 @@ pub(crate) struct Course<'a> {
 impl<'a> Course<'a> {
     /// The state at the start of a program.
     pub(crate) fn new(program: &MotionProgram, lease: &'a BoardLease<'a>, guide: &'a Guide) -> Self {
-        Self { lease, guide, now: Guidance::new(program), collected: None, handed_on: None, drawn: None }
+        Self {
+            lease,
+            guide,
+            now: Guidance::new(program),
+            collected: None,
+            heat: HeatSoFar::default(),
+            handed_on: None,
+            drawn: None,
+        }
     }
 
     /// Begins a step.
     pub(crate) fn begins(&mut self, step: &MotionStep) {
         self.now.begin(step);
+        if let Some(about) = step.about() {
+            self.heat.begin(about.rate_hz);
+        }
         self.collected = Collected::of(step).filter(|_| self.guide.watched);
         if self.collected.is_some() {
             // The picture of the previous capture stays in sight until a new picture begins.
@@ -299,6 +316,10 @@ impl<'a> Course<'a> {
 
     /// Takes samples of the current capture.
     pub(crate) fn took(&mut self, samples: &[ImuSample]) {
+        if self.guide.watched {
+            self.heat.take(samples);
+            self.now.heat = self.heat.view();
+        }
         let Some(collected) = &mut self.collected else { return };
         collected.take(samples);
         let now = Instant::now();

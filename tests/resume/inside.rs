@@ -13,7 +13,7 @@ use gnc_executive::event::{BenchInfo, ProgramVersion};
 use gnc_executive::job::BenchAbilities;
 use gnc_executive::plan::Plan;
 use gnc_link::Target;
-use gnc_records::store::Watcher;
+use gnc_records::store::{RunFolder, Watcher};
 use hw_mocks::{BenchControl, BenchOptions, Cable, Personality, RunningBench, Speed};
 use tempfile::TempDir;
 
@@ -181,8 +181,8 @@ struct Only {
 }
 
 impl Observer for Only {
-    fn begin(&mut self, folder: &Path) -> std::io::Result<Watcher> {
-        self.folder = Some(folder.to_owned());
+    fn begin(&mut self, folder: &RunFolder) -> std::io::Result<Watcher> {
+        self.folder = Some(folder.path().to_owned());
         Ok(Box::new(|_| true))
     }
 

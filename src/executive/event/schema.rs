@@ -158,6 +158,14 @@ fn kinds(run: &Value) -> Vec<(&'static str, &'static str, Vec<Field>)> {
             "The slave board broke a rule of the interface document: once when the run notices it, and again at the end of the run with the last count.",
             breach(),
         ),
+        (
+            "other_module",
+            "The module in the socket is not the one that was scanned. The run says nothing of either.",
+            vec![
+                ("scanned", true, text("The serial number that was scanned.")),
+                ("found", true, text("The serial number that the module in the socket says.")),
+            ],
+        ),
         ("power", "The module's supply was switched.", power()),
         ("item_started", "An attempt of an item begins.", of_attempt([])),
         (

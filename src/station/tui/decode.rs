@@ -48,9 +48,28 @@ pub(crate) enum Key {
     Control,
 }
 
+/// Which keys a terminal means where terminals disagree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Dialect {
+    /// As xterm: `CSI P` to `CSI S` are F1 to F4.
+    #[default]
+    Xterm,
+    /// As the consoles of SCO and FreeBSD, and PuTTY set to SCO: `CSI M` to `CSI X` are F1 to F12.
+    Sco,
+}
+
+impl Dialect {
+    /// The dialect of a terminal by its name in `TERM`.
+    pub(crate) fn of_terminal(term: &str) -> Self {
+        let sco = term.ends_with("-sco") || ["sco", "cons25", "ansi"].iter().any(|name| term.starts_with(name));
+        if sco { Self::Sco } else { Self::Xterm }
+    }
+}
+
 /// Decodes bytes as they arrive.
 #[derive(Debug, Default)]
 pub(crate) struct KeyDecoder {
+    dialect: Dialect,
     pending: Vec<u8>,
     pasting: bool,
     /// Bytes of an overlong sequence are dropped up to its end.
@@ -58,6 +77,10 @@ pub(crate) struct KeyDecoder {
 }
 
 impl KeyDecoder {
+    pub(crate) fn new(dialect: Dialect) -> Self {
+        Self { dialect, ..Self::default() }
+    }
+
     /// Decodes more bytes; an incomplete key waits for the next call.
     pub(crate) fn feed(&mut self, bytes: &[u8], keys: &mut Vec<Key>) {
         for byte in bytes {
@@ -123,7 +146,7 @@ impl KeyDecoder {
                 self.pending.clear();
             }
             [0x1b, b'[', middle @ .., last] if (0x40..=0x7e).contains(last) => {
-                match csi(middle, *last) {
+                match csi(self.dialect, middle, *last) {
                     Some(Csi::PasteBegins) => self.pasting = true,
                     Some(Csi::Key(key)) => keys.push(key),
                     None => {}
@@ -199,7 +222,7 @@ enum Csi {
     PasteBegins,
 }
 
-fn csi(middle: &[u8], last: u8) -> Option<Csi> {
+fn csi(dialect: Dialect, middle: &[u8], last: u8) -> Option<Csi> {
     let number = |bytes: &[u8]| std::str::from_utf8(bytes).ok().and_then(|text| text.parse::<u8>().ok());
     let key = match (middle, last) {
         // A key with a modifier is another key, and the screen does not use it.
@@ -209,7 +232,23 @@ fn csi(middle: &[u8], last: u8) -> Option<Csi> {
         (b"" | b"1", b'D') => Key::Left,
         (b"" | b"1", b'H') => Key::Home,
         (b"" | b"1", b'F') => Key::End,
+        // Home, end and the pages of SCO differ from those of xterm in letters that xterm does not use.
+        (b"", b'I') if dialect == Dialect::Sco => Key::PageUp,
+        (b"", b'G') if dialect == Dialect::Sco => Key::PageDown,
+        (b"", b'M'..=b'X') if dialect == Dialect::Sco => Key::F(last - b'M' + 1),
         (b"", b'P'..=b'S') => Key::F(last - b'P' + 1),
+        // Xterm and others send these to programs that know SCO alone, whatever `TERM` says.
+        (b"", b'M'..=b'O' | b'T'..=b'X') => Key::F(last - b'M' + 1),
+        // Sun.
+        (_, b'z') => match number(middle)? {
+            number @ 224..=233 => Key::F(number - 223),
+            number @ 192..=193 => Key::F(number - 181),
+            214 => Key::Home,
+            220 => Key::End,
+            216 => Key::PageUp,
+            222 => Key::PageDown,
+            _ => return None,
+        },
         (_, b'~') => match number(middle)? {
             1 | 7 => Key::Home,
             4 | 8 => Key::End,
@@ -235,7 +274,8 @@ fn ss3(last: u8) -> Option<Key> {
         b'H' => Key::Home,
         b'F' => Key::End,
         b'M' => Key::Enter,
-        b'P'..=b'S' => Key::F(last - b'P' + 1),
+        // Beyond F4: PuTTY set to "VT100+".
+        b'P'..=b'[' => Key::F(last - b'P' + 1),
         _ => return None,
     })
 }
@@ -284,6 +324,31 @@ mod tests {
             b"\x03\x7f\x08\t\r\n",
             &[Key::Ctrl('c'), Key::Backspace, Key::Backspace, Key::Tab, Key::Enter, Key::Enter],
         );
+    }
+
+    /// As terminfo lists them for scoansi, cons25, putty-sco, xterm-sun and putty-vt100.
+    #[test]
+    fn function_keys_of_other_terminals() {
+        let all: Vec<Key> = (1..=12).map(Key::F).collect();
+        let sequence = |before: &str, letters: std::ops::RangeInclusive<u8>| -> Vec<u8> {
+            letters.flat_map(|letter| [before.as_bytes(), &[letter]].concat()).collect()
+        };
+        let sco = |bytes: &[u8]| {
+            let (mut decoder, mut keys) = (KeyDecoder::new(Dialect::of_terminal("scoansi")), Vec::new());
+            decoder.feed(bytes, &mut keys);
+            keys
+        };
+        assert_eq!(sco(&sequence("\x1b[", b'M'..=b'X')), all);
+        assert_eq!(sco(b"\x1b[H\x1b[F\x1b[I\x1b[G"), [Key::Home, Key::End, Key::PageUp, Key::PageDown]);
+        for (term, dialect) in [("cons25", Dialect::Sco), ("putty-sco", Dialect::Sco), ("xterm-256color", Dialect::Xterm), ("", Dialect::Xterm)] {
+            assert_eq!(Dialect::of_terminal(term), dialect, "{term}");
+        }
+        // Where TERM does not tell, only letters that mean one key are taken.
+        check(b"\x1b[M\x1b[O\x1b[T\x1b[X", &[Key::F(1), Key::F(3), Key::F(8), Key::F(12)]);
+        check(b"\x1b[P\x1b[S", &[Key::F(1), Key::F(4)]);
+        check(&sequence("\x1bO", b'P'..=b'['), &all);
+        let sun: Vec<u8> = (224..=233).chain(192..=193).flat_map(|n: u8| format!("\x1b[{n}z").into_bytes()).collect();
+        check(&sun, &all);
     }
 
     #[test]

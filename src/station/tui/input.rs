@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use super::decode::{Key, KeyDecoder, whole_sequence};
+use super::decode::{Dialect, Key, KeyDecoder, whole_sequence};
 
 /// Characters of a hand are further apart than this. The fastest typists reach 80 ms, now and then two keys roll within 20 ms;
 /// scanners type a character in 1 to 15 ms.
@@ -79,6 +79,11 @@ struct Burst {
 }
 
 impl InputReader {
+    /// A reader for the keys of a terminal.
+    pub(crate) fn new(dialect: Dialect) -> Self {
+        Self { decoder: KeyDecoder::new(dialect), ..Self::default() }
+    }
+
     /// Takes bytes that came at this time.
     pub(crate) fn feed(&mut self, at: Duration, bytes: &[u8], out: &mut Vec<Input>) {
         self.pass_time(at, out);

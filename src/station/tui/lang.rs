@@ -245,6 +245,8 @@ pub(crate) struct Texts {
     pub acceleration: &'static str,
     pub field: &'static str,
     pub temperature: &'static str,
+    /// How far a temperature has drifted.
+    pub drift: &'static str,
     pub gnss: &'static str,
     pub satellites: &'static str,
     pub no_fix: &'static str,

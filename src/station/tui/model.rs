@@ -9,7 +9,9 @@ use chrono::{DateTime, FixedOffset};
 use gnc_analysis::motion::{self, MotionStep};
 use gnc_bench::fixture::Ask;
 use gnc_bench::guidance::Guidance;
+use gnc_executive::catalogue::TEMPERATURE_DRIFT;
 use gnc_executive::event::{BenchKind, PlannedItem};
+use gnc_executive::limit::Limit;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::serial_number::SerialNumberPattern;
@@ -171,14 +173,17 @@ pub(crate) struct ProgramView {
     pub lays: usize,
     /// Bench time of all captures and pauses.
     pub span_s: f64,
+    /// The limit of the temperature's drift, as the plan has it.
+    pub drift_limit: Option<Limit>,
 }
 
 impl ProgramView {
     /// The program of an item; `None` if it captures nothing by itself.
     pub(crate) fn of(item: &PlanItem) -> Option<Self> {
         let program = motion::program(item.id, &item.params).ok()??;
+        let drift_limit = item.limit(TEMPERATURE_DRIFT.name).cloned();
         let captures = program.steps.iter().filter_map(MotionStep::about).count();
-        Some(Self { item: item.name.clone(), captures, lays: program.lays(), span_s: program.span_s() })
+        Some(Self { item: item.name.clone(), captures, lays: program.lays(), span_s: program.span_s(), drift_limit })
     }
 }
 

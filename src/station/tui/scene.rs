@@ -300,6 +300,19 @@ impl Scene {
         cells.filter(|cell| cell.fg != Color::Reset || cell.bg != Color::Reset).count()
     }
 
+    /// The colour of the first letter of a word on the screen as it was drawn last.
+    #[cfg(test)]
+    pub(crate) fn colour_of(&self, word: &str) -> Option<ratatui::style::Color> {
+        let buffer = self.terminal.backend().buffer();
+        let symbols: Vec<&str> = buffer.content.iter().map(ratatui::buffer::Cell::symbol).collect();
+        let first = word.chars().next()?.to_string();
+        let wanted: String = word.chars().collect();
+        let at = (0..symbols.len()).find(|at| {
+            symbols[*at] == first && symbols[*at..].concat().replace(' ', "").starts_with(&wanted.replace(' ', ""))
+        })?;
+        Some(buffer.content[at].fg)
+    }
+
     /// Leaves an event out, so that the screen misses it.
     #[cfg(test)]
     pub(crate) fn miss_an_event(&mut self) {

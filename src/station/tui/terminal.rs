@@ -14,6 +14,7 @@ use ratatui::crossterm::terminal::{disable_raw_mode, enable_raw_mode};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 
+use super::decode::Dialect;
 use super::input::{Input, InputReader};
 
 /// Switches to the other screen, hides the cursor, and asks for marks around pasted text.
@@ -93,7 +94,8 @@ impl Guard {
 pub(crate) fn read_keys(inputs: &mpsc::Sender<Vec<Input>>) {
     let Ok(stdin) = io::stdin().as_fd().try_clone_to_owned() else { return };
     let mut stdin = File::from(stdin);
-    let (mut reader, mut bytes, began) = (InputReader::default(), [0; READ_BYTES], Instant::now());
+    let dialect = Dialect::of_terminal(&std::env::var("TERM").unwrap_or_default());
+    let (mut reader, mut bytes, began) = (InputReader::new(dialect), [0; READ_BYTES], Instant::now());
     loop {
         let mut polled = [PollFd::new(stdin.as_fd(), PollFlags::POLLIN)];
         let ready = match poll(&mut polled, until(reader.due_at(), began)) {

@@ -5,7 +5,9 @@ use std::collections::BTreeSet;
 use serde_json::Value;
 
 use super::*;
-use crate::event::{BoardBreach, BuildInfo, EarlierRun, Event, EventKind, Loop, ProgramVersion, RunHeader, StopHow};
+use crate::event::{
+    BoardBreach, BuildInfo, EarlierRun, Event, EventKind, Loop, OtherModule, ProgramVersion, RunHeader, StopHow,
+};
 use crate::record::tests::problems;
 use crate::test_run::{header, small_run};
 
@@ -31,6 +33,7 @@ fn events() -> Vec<Value> {
             EventKind::StopRequested { how: StopHow::AtOnce, by: "SIGTERM".to_owned() },
             EventKind::Prompted { item: None, text: "turn the module".to_owned() },
             EventKind::Answered { item: Some("imu".to_owned()), answer: String::new() },
+            EventKind::OtherModule(OtherModule { scanned: "A".to_owned(), found: "B".to_owned() }),
             EventKind::BoardRebooted { item: None, boot_id: "7".to_owned() },
             EventKind::BoardBreach(BoardBreach { worst: Some("3 ms".to_owned()), safety: true, ..breach.clone() }),
             EventKind::BoardBreach(breach),

@@ -173,6 +173,7 @@ pub(super) static TEXTS: Texts = Texts {
     acceleration: "Acceleration",
     field: "Magnetic field",
     temperature: "Gyro, accel",
+    drift: "Drift",
     gnss: "GNSS",
     satellites: "satellites",
     no_fix: "no fix",

@@ -174,6 +174,7 @@ pub(super) static TEXTS: Texts = Texts {
     acceleration: "Ускорение",
     field: "Магнитное поле",
     temperature: "Гиро, аксел.",
+    drift: "Дрейф",
     gnss: "ГНСС",
     satellites: "спутников",
     no_fix: "нет решения",

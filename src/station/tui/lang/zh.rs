@@ -174,6 +174,7 @@ pub(super) static TEXTS: Texts = Texts {
     acceleration: "加速度",
     field: "磁场",
     temperature: "陀螺、加表温度",
+    drift: "漂移",
     gnss: "卫星导航",
     satellites: "颗卫星",
     no_fix: "未定位",

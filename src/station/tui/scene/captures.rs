@@ -67,6 +67,14 @@ impl Scene {
         self.guided(item, guidance);
     }
 
+    /// The captures so far had these temperatures.
+    #[cfg(test)]
+    pub(crate) fn warm(&mut self, item: &str, heat: gnc_bench::guidance::heat::HeatView) {
+        let mut guidance = self.guidance(item, 2, CAPTURED_S);
+        guidance.heat = Some(heat);
+        self.guided(item, guidance);
+    }
+
     /// An idle screen with a calibration plan that ends with an hour at rest.
     pub(crate) fn calibration(lang: Lang, width: u16, height: u16) -> std::io::Result<Self> {
         let mut scene = Self::new(lang, width, height)?;

@@ -3,9 +3,12 @@
 use std::time::Duration;
 
 use gnc_bench::fixture::Ask;
+use gnc_bench::guidance::heat::{HeatView, TemperatureSoFar};
 use gnc_executive::event::{EventKind, StopHow};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::verdict::Verdict;
+
+use ratatui::style::Color;
 
 use super::{fail, scene};
 use crate::tui::decode::Key;
@@ -108,6 +111,28 @@ fn the_remaining_time_stands_in_a_pause() {
     scene.key(Key::F(6));
     scene.pass_time(Duration::from_secs(1));
     assert!(shows(&mut scene, "2.40 s"), "{}", scene.text());
+}
+
+/// A drift beyond the plan's limit is seen while the captures go on, and stands out.
+#[test]
+fn a_drift_is_seen_with_its_limit() {
+    for lang in Lang::ALL {
+        for (width, height) in [(80, 24), (160, 50)] {
+            let mut scene = Scene::capturing(lang, (width, height), "six-position", 2).expect("memory");
+            scene.key(Key::F(9));
+            let drift = lang.texts().drift;
+            assert!(!scene.text().contains(drift), "no temperature was measured yet");
+            let so_far = |low: f64, high: f64| TemperatureSoFar { now_c: high, range_c: (low, high) };
+            scene.warm("six-position", HeatView { gyro: so_far(31.0, 31.4), accel: so_far(30.0, 32.1) });
+            let text = scene.text();
+            assert!(text.contains("31.4, 32.1 °C"), "{text}");
+            assert!(text.contains(&format!("{drift} 0.4, 2.1 K (<= 2 degC)")), "{text}");
+            assert!(scene.colour_of(drift).is_some_and(|colour| colour == Color::Red), "{text}");
+            scene.warm("six-position", HeatView { gyro: so_far(31.0, 31.4), accel: so_far(30.0, 31.9) });
+            scene.draw().expect("memory");
+            assert!(scene.colour_of(drift).is_none_or(|colour| colour != Color::Red));
+        }
+    }
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! The page of an item that captures: how the module lies and turns, how far each capture is, what is still to go.
 
+use gnc_bench::guidance::heat::HeatView;
 use gnc_bench::guidance::{Guidance, Picture, Planned, Stage};
+use gnc_executive::limit::Limit;
+use gnc_executive::quantity::Unit;
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
 use ratatui::Frame;
@@ -12,7 +15,7 @@ use super::panels::{bar, block};
 use super::rows::first_shown;
 use super::{WIDE, allan, field, live, module, style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{ProgramView, ScreenModel};
+use crate::tui::model::{MessageWeight, ProgramView, ScreenModel};
 
 /// Width of the guidance beside the captures.
 const GUIDANCE: u16 = 40;
@@ -112,7 +115,32 @@ fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: u
     if let Some(left_s) = plan_left_s(model, item, guidance) {
         lines.push(line(texts.plan, None, left_s));
     }
+    if let Some(heat) = &guidance.heat {
+        lines.extend(heat_lines(model, item, heat, cells));
+    }
     lines
+}
+
+/// The temperatures with how far they have drifted, and the plan's limit for that. A drift beyond the limit stands out:
+/// the operator can stop a capture of an hour that cannot pass any more.
+fn heat_lines(model: &ScreenModel, item: &str, heat: &HeatView, cells: usize) -> Vec<Line<'static>> {
+    let texts = model.texts;
+    let programs = model.plan.ready().map_or(&[][..], |plan| &plan.programs);
+    let limit = programs.iter().find(|program| program.item == item).and_then(|program| program.drift_limit.as_ref());
+    let most_k = match limit {
+        Some(Limit::Range(range)) if range.unit == Unit::DegreeCelsius => range.high,
+        _ => None,
+    };
+    let drift_k = heat.gyro.drift_k().max(heat.accel.drift_k());
+    let beyond = most_k.is_some_and(|most_k| drift_k > most_k);
+    let now = format!("{} {:.1}, {:.1} °C", texts.temperature, heat.gyro.now_c, heat.accel.now_c);
+    let bound = limit.map(|limit| format!(" ({limit})")).unwrap_or_default();
+    let drift = format!("{} {:.1}, {:.1} K{bound}", texts.drift, heat.gyro.drift_k(), heat.accel.drift_k());
+    let weight = if beyond { MessageWeight::Error } else { MessageWeight::Info };
+    vec![
+        Line::styled(text::cut(&now, cells), style::faint()),
+        Line::styled(text::cut(&drift, cells), style::weight(model.look, weight)),
+    ]
 }
 
 /// Bench time of all captures that remain in the plan.
