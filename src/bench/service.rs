@@ -225,6 +225,11 @@ impl Ready {
             plan.on_fail = on_fail;
         }
         let job = Job::new(plan, abilities, request.selection.as_deref())?;
+        // In the order of the plan, in whichever order somebody named the items.
+        let selection = request.selection.as_ref().map(|names| {
+            let items = job.plan().items().iter().map(|item| &item.name);
+            items.filter(|name| names.contains(name)).cloned().collect::<Vec<_>>()
+        });
         let mut header = RunHeader {
             schema: EVENTS_SCHEMA.to_owned(),
             serial_number: request.serial_number.clone(),
@@ -236,7 +241,7 @@ impl Ready {
             site: site.clone(),
             recomputed: None,
             resumed: None,
-            selection: request.selection.clone(),
+            selection,
             looped: None,
         };
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, Like::header(&header))).transpose()?;

@@ -50,7 +50,7 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
 }
 
 /// Returns what the command line asks for, and the bench for it.
-fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup), CommandRefusal> {
+pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup), CommandRefusal> {
     let serial_number = serial_number(args.serial_number.as_deref())?;
     let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
     let plan = files::plan(path)?;
@@ -95,7 +95,8 @@ fn at_the_terminal() -> Result<Fixture, CommandRefusal> {
         .map_err(|error| CommandRefusal::new(format!("cannot read from the terminal: {error}"), ""))
 }
 
-async fn all_rounds(args: &RunArgs, request: &RunRequest, setup: Setup) -> Result<Outcome, CommandRefusal> {
+/// Carries out what was prepared. Returns the worst outcome.
+pub(crate) async fn all_rounds(args: &RunArgs, request: &RunRequest, setup: Setup) -> Result<Outcome, CommandRefusal> {
     let control = RunControl::from_signals()
         .map_err(|error| CommandRefusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
     // The simulated bench ends with this scope.

@@ -181,6 +181,14 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
     None
 }
 
+/// The words about an item of the command line that the plan does not have.
+fn unknown_item(model: &ScreenModel) -> Option<String> {
+    let plan = model.plan.ready()?;
+    let known = |name: &String| plan.items.iter().any(|item| item.name == *name);
+    let name = model.only.iter().flatten().find(|name| !known(name))?;
+    Some(words(model.texts.only_unknown, &[&gnc_text::printable(name)]))
+}
+
 fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) {
     let chosen = |name: &String| model.only.as_ref().is_none_or(|only| only.contains(name));
     let items = plan.ready().map_or(&[][..], |plan| &plan.items);
@@ -192,6 +200,11 @@ fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) {
     model.plan_path = path;
     model.plan = plan;
     model.cursor = 0;
+    if let Some(unknown) = unknown_item(model) {
+        // Nothing runs before the operator has chosen.
+        model.ticks.fill(false);
+        model.say(MessageWeight::Error, unknown);
+    }
     if model.page == ScreenPage::Calibration && !model.is_running() {
         // Another plan may capture nothing.
         model.page = ScreenPage::Tests;
