@@ -285,6 +285,11 @@ impl Ready {
             plan.on_fail = on_fail;
         }
         let job = Job::new(plan, abilities, request.selection.as_deref())?;
+        // In the order of the plan, in whichever order somebody named the items.
+        let selection = request.selection.as_ref().map(|names| {
+            let items = job.plan().items().iter().map(|item| &item.name);
+            items.filter(|name| names.contains(name)).cloned().collect::<Vec<_>>()
+        });
         let mut header = RunHeader {
             schema: events_form(request.selection.as_deref()).to_owned(),
             serial_number: request.serial_number.clone(),
@@ -296,7 +301,7 @@ impl Ready {
             site: site.clone(),
             recomputed: None,
             resumed: None,
-            selection: request.selection.clone(),
+            selection,
             looped: None,
         };
         Self::check_required(request, &records, header.bench.kind)?;

@@ -291,7 +291,14 @@ fn same(what: &'static str, was: &str, is: &str) -> Result<(), ResumeError> {
 }
 
 fn items(selection: Option<&[String]>) -> String {
-    selection.map_or_else(|| "none (the whole plan)".to_owned(), |names| names.join(", "))
+    // An earlier version filed the names in the order in which they were given.
+    let sorted = |names: &[String]| {
+        let mut names = names.to_vec();
+        names.sort();
+        names.dedup();
+        names.join(", ")
+    };
+    selection.map_or_else(|| "none (the whole plan)".to_owned(), sorted)
 }
 
 /// Names the simulated module and its world; the speed of its time does not matter.

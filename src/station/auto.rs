@@ -28,7 +28,7 @@ use crate::setup::{self, BenchHabits, Setup};
 pub(crate) use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
-use junit::JunitFile;
+pub(crate) use junit::JunitFile;
 
 /// Largest number of events that wait for a blocked terminal: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;
@@ -66,7 +66,7 @@ fn carry_out(args: &RunArgs, junit: Option<&mut JunitFile>) -> Result<Verdict, C
 }
 
 /// Returns what the command line asks for, and the bench for it.
-fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits), CommandRefusal> {
+pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits), CommandRefusal> {
     let serial_number = serial_number(args.serial_number.as_deref())?;
     let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
     let plan = files::plan(path)?;
@@ -113,7 +113,8 @@ fn at_the_terminal() -> Result<Fixture, CommandRefusal> {
         .map_err(|error| CommandRefusal::new(format!("cannot read from the terminal: {error}"), ""))
 }
 
-async fn all_rounds(
+/// Carries out what was prepared. Returns the worst verdict.
+pub(crate) async fn all_rounds(
     args: &RunArgs,
     request: &RunRequest,
     setup: Setup,

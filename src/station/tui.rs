@@ -159,8 +159,10 @@ fn first_model(
         model.rounds = RoundsSetting::Count(args.loops);
     }
     if let Some(time) = args.until {
-        let minutes = u32::try_from(time.as_secs().div_ceil(60)).unwrap_or(u32::MAX);
-        model.rounds = RoundsSetting::Minutes(minutes.clamp(1, setup_form::MAX_ROUNDS));
+        let minutes = u32::try_from(time.as_secs() / 60).unwrap_or(u32::MAX);
+        let whole =
+            (1..=setup_form::MAX_ROUNDS).contains(&minutes) && time == Duration::from_secs(60 * u64::from(minutes));
+        model.rounds = if whole { RoundsSetting::Minutes(minutes) } else { RoundsSetting::For(time) };
     }
     model.after_failure = match args.on_fail {
         Some(OnFailArg::Stop) => AfterFailure::Stop,

@@ -157,12 +157,11 @@ fn a_torn_series_is_made_anew_on_a_warm_module() {
 #[test]
 fn what_the_module_compensated_is_captured_anew() {
     let plan = format!(
-        "{}\n[[item]]\nid = \"magnetometer-ellipse\"\nparams = {{ duration = \"20 s\", settle = \"2 s\" }}\n\
+        "{SHORT}\n[[item]]\nid = \"magnetometer-ellipse\"\nparams = {{ duration = \"20 s\", settle = \"2 s\" }}\n\
          limits.radius = \"0.1 gauss .. 0.7 gauss\"\n\
          [[item]]\nid = \"calibration-download\"\nlimits.coefficients_altered = \"<= 0\"\n\
          [[item]]\nid = \"calibration-check\"\nparams = {{ dwell = \"20 s\", settle = \"2 s\" }}\n\
-         [item.limits]\n\"force_error_*\" = \"-2 mg .. 2 mg\"\nangle_error = \"-0.1 % .. 0.1 %\"\n",
-        SHORT
+         [item.limits]\n\"force_error_*\" = \"-2 mg .. 2 mg\"\nangle_error = \"-0.1 % .. 0.1 %\"\n"
     );
     let bench = Bench::start(WARM, 1);
     let broken = bench.run(&inside::request(&plan), Some(("calibration-check", 0.7, Deed::Stop)));

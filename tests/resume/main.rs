@@ -1,6 +1,11 @@
 //! Runs that are interrupted and taken up again end as they would have ended.
 
-#![expect(clippy::expect_used, clippy::panic, reason = "what cannot be set up fails the test that needs it")]
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "what cannot be set up fails the test that needs it"
+)]
 
 mod heat;
 mod inside;

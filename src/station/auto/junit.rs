@@ -20,7 +20,7 @@ const PART: &str = "part";
 
 /// The file of a command, with the runs up to now.
 #[derive(Debug)]
-pub(super) struct JunitFile {
+pub(crate) struct JunitFile {
     path: PathBuf,
     report: JunitReport,
     /// When the command began, as the form has it: without an offset.

@@ -340,7 +340,12 @@ mod tests {
         };
         assert_eq!(sco(&sequence("\x1b[", b'M'..=b'X')), all);
         assert_eq!(sco(b"\x1b[H\x1b[F\x1b[I\x1b[G"), [Key::Home, Key::End, Key::PageUp, Key::PageDown]);
-        for (term, dialect) in [("cons25", Dialect::Sco), ("putty-sco", Dialect::Sco), ("xterm-256color", Dialect::Xterm), ("", Dialect::Xterm)] {
+        for (term, dialect) in [
+            ("cons25", Dialect::Sco),
+            ("putty-sco", Dialect::Sco),
+            ("xterm-256color", Dialect::Xterm),
+            ("", Dialect::Xterm),
+        ] {
             assert_eq!(Dialect::of_terminal(term), dialect, "{term}");
         }
         // Where TERM does not tell, only letters that mean one key are taken.

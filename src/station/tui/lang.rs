@@ -209,6 +209,7 @@ pub(crate) struct Texts {
     pub interrupted_question: &'static str,
     pub no_resume_question: &'static str,
     pub resume_asked: &'static str,
+    pub only_unknown: &'static str,
     pub stop_title: &'static str,
     pub stop_question: &'static str,
     pub broke_off: &'static str,

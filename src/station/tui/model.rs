@@ -195,6 +195,8 @@ pub(crate) enum RoundsSetting {
     Count(u32),
     /// For so many minutes; a round under way is finished.
     Minutes(u32),
+    /// For a time of the command line that is no whole number of minutes.
+    For(Duration),
 }
 
 /// Whether a bad item ends the run and its rounds.

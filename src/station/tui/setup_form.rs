@@ -64,6 +64,9 @@ impl Form {
             RoundsSetting::Once => (RoundsKind::Once, 10),
             RoundsSetting::Count(count) => (RoundsKind::Count, count),
             RoundsSetting::Minutes(minutes) => (RoundsKind::Minutes, minutes),
+            RoundsSetting::For(time) => {
+                (RoundsKind::Minutes, u32::try_from(time.as_secs().div_ceil(60)).unwrap_or(MAX_ROUNDS))
+            }
         };
         Self {
             line: 0,

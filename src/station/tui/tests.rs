@@ -1,6 +1,8 @@
 //! Every screen in every language at its two sizes, and what keys do. Time stands still in all of them.
 
 mod captures;
+#[cfg(feature = "sim")]
+mod same;
 mod scans;
 mod start;
 mod truth;

@@ -212,6 +212,14 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
     None
 }
 
+/// The words about an item of the command line that the plan does not have.
+fn unknown_item(model: &ScreenModel) -> Option<String> {
+    let plan = model.plan.ready()?;
+    let known = |name: &String| plan.items.iter().any(|item| item.name == *name);
+    let name = model.only.iter().flatten().find(|name| !known(name))?;
+    Some(words(model.texts.only_unknown, &[&gnc_text::printable(name)]))
+}
+
 /// Takes the operator of the bench, if nobody is named yet. A name that was only remembered is told, since another
 /// person may be at the bench now.
 fn take_operator(model: &mut ScreenModel) {
@@ -234,6 +242,11 @@ fn take_plan(model: &mut ScreenModel, path: String, plan: Loaded<PlanView>) -> O
     model.plan_path = path;
     model.plan = plan;
     model.cursor = 0;
+    if let Some(unknown) = unknown_item(model) {
+        // Nothing runs before the operator has chosen.
+        model.ticks.fill(false);
+        model.say(MessageWeight::Error, unknown);
+    }
     if model.page == ScreenPage::Calibration && !model.is_running() {
         // Another plan may capture nothing.
         model.page = ScreenPage::Tests;

@@ -139,6 +139,7 @@ pub(super) static TEXTS: Texts = Texts {
     interrupted_question: "{} has a run that began {}. Reuse its complete captures, and capture the rest?",
     no_resume_question: "Run the plan from its beginning?",
     resume_asked: "{}: F5 resumes {}.",
+    only_unknown: "the plan has no item {} (named by --only)",
     stop_title: "Stop",
     stop_question: "Captures of {} would be lost: a resumed run makes them again. Stop the run all the same?",
     broke_off: "the run of {} of {} broke off; F5 offers to resume it",

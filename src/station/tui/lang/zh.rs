@@ -140,6 +140,7 @@ pub(super) static TEXTS: Texts = Texts {
     interrupted_question: "{} 有一次于 {} 开始的运行。是否沿用其中已完整采集的数据，只采集其余部分？",
     no_resume_question: "是否从头运行方案？",
     resume_asked: "{}：按 F5 继续运行 {}。",
+    only_unknown: "测试方案中没有项目 {}（由 --only 指定）",
     stop_title: "停止",
     stop_question: "将丢失 {} 的采集数据，恢复运行时需要重新采集。仍要停止运行吗？",
     broke_off: "{} 于 {} 的运行已中断；按 F5 可继续",

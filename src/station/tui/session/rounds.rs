@@ -119,6 +119,7 @@ fn prepare(
         rounds: match start.rounds {
             RoundsSetting::Once => service::Rounds::Once,
             RoundsSetting::Count(count) => service::Rounds::Count(count),
+            RoundsSetting::For(time) => service::Rounds::For(time),
             RoundsSetting::Minutes(minutes) => service::Rounds::For(Duration::from_secs(60 * u64::from(minutes))),
         },
         resume: start.resume,

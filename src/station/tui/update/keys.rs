@@ -1,7 +1,7 @@
 //! What keys do in each place.
 
 use super::start::{self, ask_to_start};
-use super::{Effect, scan, set_language, words};
+use super::{Effect, scan, set_language, unknown_item, words};
 use crate::tui::decode::Key;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::live::History;
@@ -85,6 +85,7 @@ fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<
         KeyAction::Leave => return leave(model),
         KeyAction::Tick => tick(model),
         KeyAction::TickAll => {
+            model.only = None;
             let all = model.ticks.iter().all(|tick| *tick);
             model.ticks.iter_mut().for_each(|tick| *tick = !all);
         }
@@ -165,7 +166,8 @@ fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
         What::One => model.item_under_cursor().map(|item| vec![item.to_owned()]),
         What::Failed => failed(model),
     };
-    let everything = what == What::Ticked && model.ticks.iter().all(|tick| *tick);
+    // Items that the command line names are a selection, even if they are all.
+    let everything = what == What::Ticked && model.only.is_none() && model.ticks.iter().all(|tick| *tick);
     if selection.is_none() && !everything {
         return None;
     }
@@ -180,7 +182,8 @@ fn ticked(model: &mut ScreenModel) -> Option<Vec<String>> {
     let names = items.iter().zip(&model.ticks).filter(|(_, tick)| **tick).map(|(item, _)| item.name.clone());
     let names: Vec<String> = names.collect();
     if names.is_empty() {
-        model.say(MessageWeight::Warning, model.texts.nothing_ticked);
+        let unknown = unknown_item(model).unwrap_or_else(|| model.texts.nothing_ticked.to_owned());
+        model.say(MessageWeight::Warning, unknown);
         return None;
     }
     Some(names)
@@ -291,6 +294,7 @@ fn leave(model: &mut ScreenModel) -> Option<Effect> {
 
 fn tick(model: &mut ScreenModel) {
     let Some(position) = model.order().get(model.cursor).copied() else { return };
+    model.only = None;
     if let Some(tick) = model.ticks.get_mut(position) {
         *tick = !*tick;
     }

@@ -1,5 +1,7 @@
 //! Panels of the tests page: the product, the times of the run, the verdict, mistakes of a plan.
 
+use std::time::Duration;
+
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::catalogue::processor::PART;
 use gnc_executive::event::{BoardBreach, StopHow};
@@ -251,7 +253,13 @@ pub(super) fn rounds_words(model: &ScreenModel, rounds: RoundsSetting) -> String
         RoundsSetting::Once => texts.rounds_once.to_owned(),
         RoundsSetting::Count(count) => fill(texts.rounds_count, &[&count.to_string()]),
         RoundsSetting::Minutes(minutes) => fill(texts.rounds_time, &[&minutes.to_string()]),
+        RoundsSetting::For(time) => fill(texts.rounds_time, &[&minutes(time)]),
     }
+}
+
+/// A time as minutes with a decimal.
+fn minutes(time: Duration) -> String {
+    format!("{:.1}", time.as_secs_f64() / 60.0)
 }
 
 fn elapsed_s(model: &ScreenModel, run: &RunView) -> f64 {
@@ -289,6 +297,7 @@ fn round(model: &ScreenModel, run: &RunView) -> String {
         RoundsSetting::Minutes(minutes) => {
             format!("{number} ({})", fill(texts.rounds_time, &[&minutes.to_string()]))
         }
+        RoundsSetting::For(time) => format!("{number} ({})", fill(texts.rounds_time, &[&minutes(time)])),
     };
     let counts = Verdict::counts(&run.ends).into_iter();
     let counts: Vec<String> = counts.map(|(verdict, count)| format!("{count} {}", texts.word_of(verdict))).collect();
