@@ -152,7 +152,7 @@ fn by_screen(args: &RunArgs, meanwhile: impl FnOnce()) -> Option<String> {
                 }
                 let answer = match model.over.last() {
                     Some(Over::Changed(_)) => Some(Key::F(6)),
-                    Some(Over::Interrupted(_) | Over::Again(_)) => Some(Key::Enter),
+                    Some(Over::Interrupted(_) | Over::Again(_)) => Some(Key::F(2)),
                     Some(Over::NoResume { why }) => {
                         let _ = commands.send(Effect::Leave).await;
                         return Some(why.clone());
@@ -181,7 +181,9 @@ fn by_screen(args: &RunArgs, meanwhile: impl FnOnce()) -> Option<String> {
             }
             model.message.clone().filter(|(weight, _)| *weight != MessageWeight::Info).map(|(_, text)| text)
         };
-        tokio::join!(session.serve(), operator).1
+        let both = async { tokio::join!(session.serve(), operator).1 };
+        // A screen that waits for ever fails the test.
+        tokio::time::timeout(DEADLINE, both).await.expect("the screen has an end")
     });
     runtime.shutdown_background();
     said
@@ -206,6 +208,9 @@ fn same(place: &Place, more: &[&str], meanwhile: impl Fn(&Place)) -> (Vec<Value>
     auto
 }
 
+/// Far longer than any of these runs.
+const DEADLINE: std::time::Duration = std::time::Duration::from_secs(120);
+
 fn nothing(_: &Place) {}
 
 const PLAN: &str = "name = \"short\"\nversion = \"1\"\n\
@@ -219,10 +224,15 @@ fn ends(runs: &[Value]) -> Vec<&str> {
     let of =
         |run: &'_ Value| run.as_array().expect("events").iter().find(|event| event["kind"] == "run_ended").cloned();
     runs.iter()
-        .map(|run| match of(run).and_then(|end| end["outcome"].as_str().map(str::to_owned)).as_deref() {
-            Some("passed") => "passed",
-            Some("failed") => "failed",
-            _ => "other",
+        .map(|run| {
+            match of(run)
+                .and_then(|end| end["outcome"].as_str().or(end["selection_outcome"].as_str()).map(str::to_owned))
+                .as_deref()
+            {
+                Some("passed") => "passed",
+                Some("failed") => "failed",
+                _ => "other",
+            }
         })
         .collect()
 }
