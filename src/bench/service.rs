@@ -316,7 +316,7 @@ impl Ready {
     /// Looks for a valid pass of each plan that must come before.
     fn check_required(request: &RunRequest, records: &Path, bench: BenchKind) -> Result<(), ServiceError> {
         let (plan, serial_number) = (request.plan.plan(), request.serial_number.as_str());
-        let (valid_days, now) = (plan.valid_days, request.began.unwrap_or_else(|| clock::now()));
+        let (valid_days, now) = (plan.valid_days, request.began.unwrap_or_else(clock::now));
         for required in &plan.requires_plan {
             let question = Question { serial_number, plan: PlanAsked::Named(required), valid_days, bench, now };
             let standing = standing::read(records, &question)?;

@@ -185,7 +185,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
                 run.folder = Some(folder);
             }
         }
-        Msg::RunOver { store_error, refusal } => return run::over(model, store_error, refusal),
+        Msg::RunOver { store_error, refusal } => return run::over(model, store_error, refusal.as_deref()),
         Msg::Refolded { folder, state: Ok(state) } => run::refolded(model, &folder, *state),
         Msg::Refolded { state: Err(why), .. } => model.say(MessageWeight::Error, why),
         Msg::Expected(expected_s) => {

@@ -261,7 +261,7 @@ fn a_stop_that_loses_captures_is_asked_about() {
     // Whoever leaves was asked already.
     let mut scene = in_the_hour(Lang::En, 3000.0);
     scene.key(Key::F(10));
-    assert_eq!(scene.key(Key::Enter), Some(Effect::Stop));
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::Stop));
 }
 
 /// A wait for the module's heat, with its temperature, its target and the time left.

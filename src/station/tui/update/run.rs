@@ -93,14 +93,14 @@ pub(super) fn standing(model: &mut ScreenModel, serial_number: &str, standing: R
 }
 
 /// Ends the run on the screen: nothing follows.
-pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal: Option<String>) -> Option<Effect> {
+pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal: Option<&str>) -> Option<Effect> {
     let (leaving, texts) = (model.leaving, model.texts);
     let run = model.run.as_mut()?;
     run.over = true;
     run.prompt = None;
     run.progress.clear();
     run.pause = Pause::No;
-    let said = match (&store_error, &refusal) {
+    let said = match (&store_error, refusal) {
         (_, Some(why)) => {
             let first = why.lines().next().unwrap_or_default();
             Some((MessageWeight::Error, words(texts.run_refused, &[first])))
