@@ -119,6 +119,7 @@ pub fn caveats(record: &RunRecord) -> Vec<&'static str> {
         (record.bench.kind == BenchKind::Simulated, "simulated"),
         (record.selection.is_some(), "selection"),
         (record.recomputed.is_some(), "re-judged"),
+        (record.other_module.is_some(), "other module"),
     ];
     all.into_iter().filter(|(is, _)| *is).map(|(_, word)| word).collect()
 }

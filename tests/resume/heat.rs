@@ -187,7 +187,7 @@ fn an_item_that_was_not_judged_is_judged_from_its_captures() {
     let args = ["--auto", "p.toml", "--sim=module.toml", "--serial-number", "C-1", "--sim-speed", "max"];
     let only = ["--only", "magnetometer-ellipsoid,six-position"];
     let whole = place.run(args.into_iter().chain(only));
-    assert_eq!(whole.code, Some(0), "{}{}", whole.stdout, whole.stderr);
+    assert_eq!(whole.code, Some(5), "{}{}", whole.stdout, whole.stderr);
     let run = place.runs().remove(0);
     // The journal as a power cut leaves it before the first figure, and nothing else.
     let journal = fs::read_to_string(run.join("events.jsonl")).expect("a journal");
@@ -205,7 +205,7 @@ fn an_item_that_was_not_judged_is_judged_from_its_captures() {
     fs::remove_file(run.ancestors().nth(2).expect("a day").join("CHAIN")).expect("a chain");
     let resume = ["--resume", run.to_str().expect("UTF-8"), "--seed", "2"];
     let ended = place.run(args.into_iter().chain(only).chain(resume));
-    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    assert_eq!(ended.code, Some(5), "{}{}", ended.stdout, ended.stderr);
     assert!(!ended.stdout.contains("waits until"), "{}", ended.stdout);
     assert_eq!(values::of(&place.runs().pop().expect("a run")), expected);
 }
