@@ -161,7 +161,7 @@ impl Fixture {
         recorder.prompted(&ask.to_string()).await?;
         let answer = match self {
             Self::Absent => return Err(FixtureError::Nobody { what }),
-            Self::Operator(operator) => operator.wait(&what).await?,
+            Self::Operator(operator) => operator.wait(ask, recorder).await?,
             Self::Screen(screen) => at_the_screen(screen, recorder.item(), ask).await?,
             Self::Driven(rig) => {
                 let failed = |source| FixtureError::Fixture { name: rig.name().to_owned(), what, source };
@@ -209,14 +209,20 @@ impl Operator {
         Ok(Self { lines: Mutex::new(lines) })
     }
 
-    async fn wait(&self, what: &str) -> Result<String, FixtureError> {
+    /// Waits for an empty line or a no. Any other line, such as a scan, asks again.
+    async fn wait(&self, ask: &Ask, recorder: &Recorder<'_>) -> Result<String, FixtureError> {
         let mut lines = self.lines.lock().await;
         // A line that was typed before the question does not answer it.
         while lines.try_recv().is_ok() {}
-        match lines.recv().await {
-            None => Err(FixtureError::TerminalClosed { what: what.to_owned() }),
-            Some(line) if line.trim().eq_ignore_ascii_case("n") => Err(FixtureError::Refused { what: what.to_owned() }),
-            Some(line) => Ok(line.trim().to_owned()),
+        loop {
+            let Some(line) = lines.recv().await else {
+                return Err(FixtureError::TerminalClosed { what: ask.action() });
+            };
+            match line.trim() {
+                "" => return Ok(String::new()),
+                "n" | "N" => return Err(FixtureError::Refused { what: ask.action() }),
+                _ => recorder.prompted(&ask.to_string()).await?,
+            }
         }
     }
 }

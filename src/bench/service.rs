@@ -304,6 +304,11 @@ impl Ready {
             selection,
             looped: None,
         };
+        if !clock_is_right {
+            // A wrong clock would make all records of the module those of another time.
+            let at = request.began.unwrap_or_else(clock::now);
+            clock::check(at, header.program.build.as_ref(), reader::newest_day(&records))?;
+        }
         Self::check_required(request, &records, header.bench.kind)?;
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, Like::header(&header))).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
@@ -320,7 +325,7 @@ impl Ready {
         for required in &plan.requires_plan {
             let question = Question { serial_number, plan: PlanAsked::Named(required), valid_days, bench, now };
             let standing = standing::read(records, &question)?;
-            if !standing.passes() {
+            if !standing.passes_beyond_doubt() {
                 let (plan, serial_number) = (plan.name.clone(), gnc_text::printable(serial_number).into_owned());
                 return Err(ServiceError::Requires { plan, serial_number, standing: Box::new(standing) });
             }

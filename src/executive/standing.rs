@@ -261,6 +261,19 @@ impl Standing {
         self.counts.as_ref().and_then(|run| run.verdict).is_some_and(Verdict::passes_module)
     }
 
+    /// Whether a run counts and passed, and no later run of this plan speaks against it or is kept in a way that hides what
+    /// it says: another plan may build on the pass.
+    pub fn passes_beyond_doubt(&self) -> bool {
+        let hides = |flaw: &Flaw| {
+            matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::NotClosed | Flaw::NotInChain | Flaw::Unreadable)
+        };
+        let is_in_doubt = |run: &PastRun| {
+            let failed = run.verdict.is_some_and(|verdict| verdict.of_items() == Outcome::Failed);
+            run.plan == self.plan && (failed || run.flaws.iter().any(hides))
+        };
+        self.passes() && !self.beside.as_ref().is_some_and(is_in_doubt)
+    }
+
     /// Whether this plan was run as a whole on the module, whatever that is worth: a person may not want it twice.
     pub fn was_run(&self) -> bool {
         let this_whole = |run: &PastRun| run.plan == self.plan && run.items.is_none();

@@ -279,6 +279,7 @@ fn whole_run(record: &RunRecord, unrecorded: Option<&str>) -> Option<Case> {
     let message = match unrecorded {
         Some(why) => format!("the record could not be written: {why}"),
         None if record.interrupted => "the run has no end".to_owned(),
+        None if record.other_module.is_some() => text::banners(record).join("; "),
         None if good_selection => "only chosen items ran: this is not a pass of the module".to_owned(),
         None if worst == Some(verdict.of_items()) => return None,
         None => match &record.stop {

@@ -274,10 +274,16 @@ fn unchanged(folder: &Path, state: &RunState) -> Result<(), ResumeError> {
 fn folder_of(run: &Path, earlier: &EarlierRun) -> Option<PathBuf> {
     let run = std::path::absolute(run).ok()?;
     let records = run.ancestors().nth(3)?;
-    let module = run.parent()?.file_name()?;
+    // Earlier versions named the folder of a module otherwise.
+    let mut modules = vec![run.parent()?.file_name()?.to_owned()];
+    let serial_number = reader::read(&run).map(|run| run.serial_number).unwrap_or_default();
+    modules.extend(reader::folders_of(&serial_number).into_iter().map(Into::into));
     let days = reader::days(records).ok()?;
-    let folders = days.into_iter().rev().map(|(day, _)| records.join(day).join(module).join(&earlier.run));
-    folders.into_iter().find(|folder| {
+    let of_day = |(day, _): (String, usize)| {
+        let day = records.join(day);
+        modules.iter().map(|module| day.join(module).join(&earlier.run)).collect::<Vec<_>>()
+    };
+    days.into_iter().rev().flat_map(of_day).find(|folder| {
         fs::read(folder.join(JOURNAL))
             .is_ok_and(|journal| digest::hexadecimal(&Sha256::digest(&journal)) == earlier.journal_sha256)
     })

@@ -145,6 +145,9 @@ pub(crate) async fn all_rounds(
         // Command line, plan and bench are in order; it is this module that cannot be judged now.
         Err(error @ ServiceError::Requires { .. }) => {
             complain(with_causes(&error), error.try_this());
+            if let Some(junit) = shown.junit {
+                junit.refused(&with_causes(&error), error.try_this());
+            }
             return Ok(Verdict::new(Outcome::Errored, request.selection.is_some()));
         }
         done => done.map_err(|error| refusal(&error))?,

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use chrono::{DateTime, FixedOffset};
 use gnc_executive::bench::Hook;
-use gnc_executive::event::{BenchKind, PlanInfo};
+use gnc_executive::event::{BenchKind, OtherModule, PlanInfo};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::RunRecord;
 use gnc_executive::verdict::Verdict;
@@ -32,6 +32,8 @@ const SCHEMA: &str = "gnc-verdict/1";
 const WAITING: usize = 64;
 /// Most bytes of the program's errors that are shown: one line of a terminal.
 const SHOWN_BYTES: u64 = 300;
+/// Longest wait of the end of the program for the verdicts that are not told yet.
+const END_WAITS: Duration = Duration::from_secs(10);
 /// Time for the last words of a program that has ended.
 const LAST_WORDS: Duration = Duration::from_millis(100);
 
@@ -88,7 +90,7 @@ impl Hooks {
     /// The system starts no thread.
     pub(crate) fn start(program: HookProgram, trouble: impl Fn(String) + Send + 'static) -> io::Result<Self> {
         let (verdicts, ended) = sync_channel(WAITING);
-        let patience = 2 * program.limit;
+        let patience = program.limit.min(END_WAITS);
         let thread = std::thread::Builder::new().name("hook".into());
         let thread = thread.spawn(move || serve(&program, &ended, &trouble))?;
         Ok(Self { verdicts, thread, patience })
@@ -205,6 +207,8 @@ struct Note {
     verdict: Verdict,
     /// Whether the module was a simulated one.
     simulated: bool,
+    /// The scanned number and that of the module in the socket, if they differ; else null. The run is of neither.
+    other_module: Option<OtherModule>,
     /// The folder of the record.
     record: PathBuf,
     /// What the record says; null if it cannot be read.
@@ -238,6 +242,7 @@ impl Note {
             schema: SCHEMA,
             serial_number: ended.serial_number.clone(),
             verdict: ended.verdict,
+            other_module: record.as_ref().and_then(|record| record.other_module.clone()),
             simulated: record.as_ref().is_some_and(|record| record.bench.kind == BenchKind::Simulated),
             record: std::path::absolute(&ended.folder).unwrap_or_else(|_| ended.folder.clone()),
             run: record.map(Told::of),

@@ -88,9 +88,23 @@ pub(crate) fn append(run: &Path) -> Result<(), StoreError> {
     let link = ChainEntry::new(number + 1, &before, &digest, &name);
     let path = day.join(CHAIN);
     let mut file = on(OpenOptions::new().create(true).append(true).open(&path), "write", &path)?;
-    on(file.write_all(link.line().as_bytes()).and_then(|()| file.sync_all()), "write", &path)?;
+    let whole = on(whole_lines(&path), "read", &path)?;
+    on(file.set_len(whole), "write", &path)?;
+    let written = file.write_all(link.line().as_bytes()).and_then(|()| file.sync_all());
+    if written.is_err() {
+        // Ignore the error: half a line is taken away before the next one.
+        let _ = file.set_len(whole);
+    }
+    on(written, "write", &path)?;
     sync_dir(day)?;
     count(records, link.number, &link.link)
+}
+
+/// Bytes of a chain up to the end of its last whole line. A power cut or a full disk may leave half a line, which would
+/// swallow the next one.
+fn whole_lines(path: &Path) -> io::Result<u64> {
+    let text = fs::read(path)?;
+    Ok(text.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last as u64 + 1))
 }
 
 /// The closed runs among `runs` that are missing in the chain of the newest days, although they belong to these days.

@@ -220,7 +220,7 @@ impl Judge<'_> {
         let found = of_measurements(&before, &now);
         self.differ(item, attempt, found);
         self.again.measurements += now.len();
-        let judged = outcome_of(item, &now, outcome, error.as_ref());
+        let judged = outcome_of(item, (&before, &now), outcome, error.as_ref());
         self.recorded(position).outcome = Some(judged);
         let name = item.name.clone();
         self.differs(judged != outcome, || format!("{name}, attempt {attempt} was {outcome}, is {judged}"));
@@ -373,12 +373,19 @@ fn measures_integrity(event: &Event) -> bool {
 }
 
 /// The outcome of an attempt: by its measurements, unless an error ended it.
-fn outcome_of(item: &PlanItem, measured: &[Measurement], was: Outcome, error: Option<&AttemptError>) -> Outcome {
-    let violates = measured.iter().any(|measurement| measurement.outcome == Some(Outcome::Failed));
+fn outcome_of(
+    item: &PlanItem,
+    (before, measured): (&[Measurement], &[Measurement]),
+    was: Outcome,
+    error: Option<&AttemptError>,
+) -> Outcome {
+    let violates = |measured: &[Measurement]| measured.iter().any(|one| one.outcome == Some(Outcome::Failed));
     match was {
         Outcome::Aborted => Outcome::Aborted,
         _ if error.is_none() => item.attempt_outcome(measured),
-        _ if violates => Outcome::Failed,
+        // The run has called the attempt errored though a limit was violated: its error says that the value is not the module's.
+        Outcome::Errored if violates(before) => Outcome::Errored,
+        _ if violates(measured) => Outcome::Failed,
         // A good attempt that cannot be worked out any more is not known to be good.
         was if was.is_good() => Outcome::Errored,
         other => other,

@@ -260,13 +260,21 @@ impl Burst {
         let keys = self.decoded().0;
         let mut characters = keys.iter().filter(|key| matches!(key, Key::Char(_)));
         let first = characters.clone().next();
-        characters.clone().count() >= SCAN && characters.any(|key| Some(key) != first)
+        // An input method gives a whole word at once, and a hand has chosen it.
+        let is_word = keys.iter().any(|key| matches!(key, Key::Char(character) if is_composed(*character)));
+        !is_word && characters.clone().count() >= SCAN && characters.any(|key| Some(key) != first)
     }
 
     /// Whether a key is held down.
     fn is_held(&self) -> bool {
         self.bytes.len() == HELD && self.bytes.iter().all(|byte| *byte == self.bytes[0])
     }
+}
+
+/// Whether an input method composes the character: kana, Hangul and the ideographs of Unicode 16. Its full-width forms of
+/// ASCII are not among them: a scanner types those through an input method.
+fn is_composed(character: char) -> bool {
+    matches!(character, '\u{3040}'..='\u{31ff}' | '\u{3400}'..='\u{9fff}' | '\u{ac00}'..='\u{d7a3}' | '\u{20000}'..='\u{323af}')
 }
 
 /// Bytes by which scanners end a code: CR, LF, Tab, ETX, EOT.

@@ -261,6 +261,8 @@ pub(crate) struct RunView {
     pub expected_s: Option<f64>,
     /// Verdicts of the rounds so far.
     pub ends: Vec<Verdict>,
+    /// The worst verdict, as the run service tells it at the end.
+    pub told: Option<Verdict>,
     pub rounds: RoundsSetting,
     /// Why the record could not be written.
     pub store_error: Option<String>,
@@ -282,6 +284,7 @@ impl RunView {
             paused: Duration::ZERO,
             expected_s,
             ends: Vec::new(),
+            told: None,
             rounds,
             store_error: None,
         }
@@ -304,7 +307,7 @@ impl RunView {
             return None;
         }
         let errored = Verdict::new(Outcome::Errored, self.state.is_selection());
-        let worst = Verdict::worst(self.ends.iter().copied()).unwrap_or(errored);
+        let worst = Verdict::worst(self.ends.iter().copied().chain(self.told)).unwrap_or(errored);
         Some(if self.store_error.is_some() { errored } else { worst })
     }
 
@@ -513,6 +516,13 @@ impl ScreenModel {
     pub(crate) fn say(&mut self, weight: MessageWeight, text: impl Into<String>) {
         self.message = Some((weight, text.into()));
         self.message_since = self.now.since_start;
+    }
+
+    /// Warns of something that no key caused. It does not replace an error, which matters more.
+    pub(crate) fn mention(&mut self, text: impl Into<String>) {
+        if !matches!(self.message, Some((MessageWeight::Error, _))) {
+            self.say(MessageWeight::Warning, text);
+        }
     }
 
     /// How long the message stays; `None` if there is none, or if it is an error, which stays until something follows.

@@ -225,7 +225,7 @@ impl Scene {
     pub(crate) fn run_ends_at_once(&mut self, outcome: Outcome) {
         let is_selection = self.model.run.as_ref().is_some_and(|run| run.state.is_selection());
         self.event(EventKind::RunEnded(gnc_executive::verdict::Verdict::new(outcome, is_selection)));
-        self.tell(Msg::RunOver { store_error: None, refusal: None });
+        self.tell(Msg::RunOver { verdict: None, store_error: None, refusal: None });
     }
 
     pub(crate) fn progress(&mut self, items: &[(&str, Option<u16>)]) {

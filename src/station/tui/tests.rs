@@ -547,7 +547,7 @@ fn stop_pause_abort_and_leave() {
     assert_eq!(scene.key(Key::Enter), None, "a scanner sends that");
     assert_eq!(scene.key(Key::F(2)), Some(Effect::Stop));
     scene.event(EventKind::RunEnded(Verdict::Module(Outcome::Aborted)));
-    assert_eq!(scene.tell(Msg::RunOver { store_error: None, refusal: None }), Some(Effect::Leave));
+    assert_eq!(scene.tell(Msg::RunOver { verdict: None, store_error: None, refusal: None }), Some(Effect::Leave));
 }
 
 #[test]
@@ -600,7 +600,7 @@ fn missed_events_are_read_from_the_record() {
     scene.start("DEMO-1");
     scene.miss_an_event();
     scene.passes(&["identity"]);
-    let command = scene.tell(Msg::RunOver { store_error: None, refusal: None });
+    let command = scene.tell(Msg::RunOver { verdict: None, store_error: None, refusal: None });
     let Some(Effect::Refold(folder)) = command else { panic!("{command:?}") };
     let mut played = Scene::new(Lang::En, 80, 24).expect("memory");
     fail(&mut played);
@@ -682,7 +682,7 @@ fn a_lost_record_is_no_pass() {
     scene.start("DEMO-1");
     scene.passes(&["identity"]);
     scene.event(EventKind::RunEnded(Verdict::Module(Outcome::Passed)));
-    scene.tell(Msg::RunOver { store_error: Some("no space left on device".into()), refusal: None });
+    scene.tell(Msg::RunOver { verdict: None, store_error: Some("no space left on device".into()), refusal: None });
     assert_eq!(
         scene.model.run.as_ref().and_then(super::model::RunView::verdict),
         Some(Verdict::Module(Outcome::Errored))

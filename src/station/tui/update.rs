@@ -12,6 +12,7 @@ use gnc_board::Readings;
 use gnc_executive::event::Event;
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
+use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
 
 use super::decode::Key;
@@ -62,7 +63,12 @@ pub(crate) enum Msg {
     /// A round has ended; its record is in this folder.
     RoundEnded { folder: PathBuf },
     /// No round follows; why a record could not be written, and why a round was not begun.
-    RunOver { store_error: Option<String>, refusal: Option<String> },
+    RunOver {
+        /// The worst verdict of all rounds; `None` if none was begun.
+        verdict: Option<Verdict>,
+        store_error: Option<String>,
+        refusal: Option<String>,
+    },
     /// The record of a run whose events did not all come.
     Refolded { folder: PathBuf, state: Result<Box<RunState>, String> },
     /// Seconds that the last whole run of this plan took.
@@ -185,7 +191,9 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
                 run.folder = Some(folder);
             }
         }
-        Msg::RunOver { store_error, refusal } => return run::over(model, store_error, refusal.as_deref()),
+        Msg::RunOver { verdict, store_error, refusal } => {
+            return run::over(model, verdict, store_error, refusal.as_deref());
+        }
         Msg::Refolded { folder, state: Ok(state) } => run::refolded(model, &folder, *state),
         Msg::Refolded { state: Err(why), .. } => model.say(MessageWeight::Error, why),
         Msg::Expected(expected_s) => {
@@ -206,7 +214,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         }
         Msg::EndAsked => model.leaving = true,
         Msg::Shift(shift) => model.shift = Some(*shift),
-        Msg::HookTrouble(what) => model.say(MessageWeight::Warning, what),
+        Msg::HookTrouble(what) => model.mention(what),
         Msg::Days(_) | Msg::Runs(_) | Msg::Opened(_) | Msg::Verified { .. } => take_records(model, msg),
     }
     None

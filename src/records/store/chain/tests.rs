@@ -185,3 +185,16 @@ fn one_run_is_looked_up() {
     fs::remove_file(folder.path().join(COUNTER)).expect("a counter");
     assert_eq!(standings()[4], ChainStanding::NoChain);
 }
+
+/// A power cut leaves half a line. The next run stands on a line of its own, and the chain is whole again.
+#[test]
+fn half_a_line_does_not_swallow_the_next_run() {
+    let (folder, runs) = records(2);
+    let chain = runs[0].ancestors().nth(2).expect("a day").join(CHAIN);
+    let mut text = fs::read_to_string(&chain).expect("a chain");
+    text.push_str("3 abc");
+    fs::write(&chain, text).expect("writable");
+    assert!(!problems(folder.path()).is_empty(), "half a line is told");
+    close(folder.path(), 2);
+    assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 3, first: 1, problems: Vec::new() });
+}

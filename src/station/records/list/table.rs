@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use chrono::{DateTime, FixedOffset, SecondsFormat};
-use gnc_executive::event::BenchKind;
+use gnc_executive::event::{BenchKind, OtherModule};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::verdict::Verdict;
 use gnc_records::store::reader::FoundRun;
@@ -30,6 +30,8 @@ pub(super) struct Line<'a> {
     outcome: Option<Outcome>,
     selection_outcome: Option<Outcome>,
     serial_number: Option<&'a str>,
+    /// The number in the socket, if it is not the scanned one. The run is of neither, so `serial_number` is null.
+    other_module: Option<String>,
     plan: Option<&'a str>,
     plan_version: Option<&'a str>,
     plan_sha256: Option<&'a str>,
@@ -59,7 +61,8 @@ impl<'a> Line<'a> {
             state: found.state().as_str(),
             outcome: super::verdict(found).and_then(Verdict::of_module),
             selection_outcome: super::verdict(found).and_then(Verdict::of_selection),
-            serial_number: run.map(|run| run.serial_number.as_str()),
+            serial_number: run.filter(|run| run.other_module.is_none()).map(|run| run.serial_number.as_str()),
+            other_module: run.and_then(|run| run.other_module.as_ref()).map(both_numbers),
             plan: run.map(|run| run.plan.name.as_str()),
             plan_version: run.map(|run| run.plan.version.as_str()),
             plan_sha256: run.map(|run| run.plan.sha256.as_str()),
@@ -84,7 +87,7 @@ impl<'a> Line<'a> {
     }
 
     /// Each field with its name, in the order of the columns.
-    fn cells(&self) -> [(&'static str, String); 21] {
+    fn cells(&self) -> [(&'static str, String); 22] {
         let text = |text: Option<&str>| text.map(safe).unwrap_or_default();
         let outcome = |outcome: Option<Outcome>| outcome.map(Outcome::as_str).unwrap_or_default().to_owned();
         let time = |time: Option<DateTime<FixedOffset>>| {
@@ -96,6 +99,7 @@ impl<'a> Line<'a> {
             ("outcome", outcome(self.outcome)),
             ("selection_outcome", outcome(self.selection_outcome)),
             ("serial_number", text(self.serial_number)),
+            ("other_module", text(self.other_module.as_deref())),
             ("plan", text(self.plan)),
             ("plan_version", text(self.plan_version)),
             ("plan_sha256", text(self.plan_sha256)),
@@ -114,6 +118,11 @@ impl<'a> Line<'a> {
             ("error", text(self.error.as_deref())),
         ]
     }
+}
+
+/// Both numbers of a run whose module is not the one that was scanned.
+fn both_numbers(other: &OtherModule) -> String {
+    format!("{} was scanned, {} is in the socket", other.scanned, other.found)
 }
 
 /// Writes the runs as a table with a head.

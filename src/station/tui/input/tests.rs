@@ -227,3 +227,14 @@ fn garbage_is_bounded() {
         assert!(reader.burst.bytes.len() <= MAX_SCAN && out.len() <= 2 * bytes.len());
     }
 }
+
+/// An input method commits a name at once; it is typed and no scan. A line end right behind it still makes a scan.
+#[test]
+fn a_word_of_an_input_method_is_typed() {
+    let typed = |name: &str| name.chars().map(|character| Input::Key(Key::Char(character))).collect::<Vec<_>>();
+    for name in ["王小明", "欧阳修文", "たなか", "김민수"] {
+        assert_eq!(read(&[(0, name.as_bytes())]), typed(name), "{name}");
+    }
+    assert_eq!(read(&[(0, "模块-0003\r".as_bytes())]), [scan("模块-0003\r".as_bytes(), true)]);
+    assert_eq!(read(&[(0, "ＳＮ０１".as_bytes())]), [scan("ＳＮ０１".as_bytes(), false)]);
+}

@@ -58,7 +58,7 @@ impl Finished {
 
     pub(super) fn into_msg(self) -> Msg {
         match self {
-            Self::Run { store_error, refusal, .. } => Msg::RunOver { store_error, refusal },
+            Self::Run { verdict, store_error, refusal } => Msg::RunOver { verdict, store_error, refusal },
             Self::Watch { why } => Msg::WatchOver { why },
         }
     }

@@ -13,6 +13,7 @@ use ratatui::style::Color;
 use super::{fail, scene};
 use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
+use crate::tui::pending::Prepared;
 use crate::tui::scene::Scene;
 use crate::tui::update::{Effect, Msg};
 
@@ -185,4 +186,44 @@ fn a_small_screen_shows_what_matters() {
         let text = failed.text();
         assert!(text.to_lowercase().contains((texts.outcome_word)(Outcome::Failed)), "{lang:?}: {text}");
     }
+}
+
+/// Two rounds: the first passed, and the second was not begun. The service calls that errored, and so does the screen.
+#[test]
+fn a_round_that_was_not_begun_is_no_pass() {
+    let mut scene = scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.event(EventKind::RunEnded(Verdict::Module(Outcome::Passed)));
+    let (verdict, refusal) = (Some(Verdict::Module(Outcome::Errored)), Some("the disk is full".to_owned()));
+    scene.tell(Msg::RunOver { verdict, store_error: None, refusal });
+    assert_eq!(scene.model.run.as_ref().and_then(|run| run.verdict()), verdict);
+    assert!(shows(&mut scene, "errored"), "{}", scene.text());
+}
+
+/// The form is open when the records were read: nothing begins under it, where F8 would not stop it.
+#[test]
+fn no_run_begins_under_the_form() {
+    let mut scene = scene(Lang::En);
+    scene.types("DEMO-1");
+    scene.key(Key::Enter);
+    assert!(matches!(scene.key(Key::F(5)), Some(Effect::Prepare { .. })));
+    scene.key(Key::F(2));
+    let serial_number = "DEMO-1".to_owned();
+    let prepared = Prepared { serial_number, changed: Vec::new(), standing: None, resume: None };
+    assert_eq!(scene.tell(Msg::Prepared(Box::new(prepared))), None);
+    assert!(scene.model.run.is_none() && scene.model.pending.is_none());
+}
+
+/// Trouble with a label printer does not wipe out what is worse, and a small screen tells of a module under power.
+#[test]
+fn what_is_worse_stays_in_sight() {
+    let mut scene = scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.event(EventKind::StopRequested { how: StopHow::AtOnce, by: "the operator".into() });
+    scene.run_ends_at_once(Outcome::Aborted);
+    scene.tell(Msg::WatchOver { why: Some("the cable is out".into()) });
+    scene.tell(Msg::HookTrouble("no paper".into()));
+    assert!(shows(&mut scene, "the cable is out"), "{}", scene.text());
+    scene.resize(40, 12);
+    assert!(shows(&mut scene, "power unknown"), "{}", scene.text());
 }

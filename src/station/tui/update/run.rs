@@ -6,6 +6,7 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::event::{Event, EventKind, OtherModule};
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
+use gnc_executive::verdict::Verdict;
 
 use super::{Effect, words};
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
@@ -93,10 +94,17 @@ pub(super) fn standing(model: &mut ScreenModel, serial_number: &str, standing: R
 }
 
 /// Ends the run on the screen: nothing follows.
-pub(super) fn over(model: &mut ScreenModel, store_error: Option<String>, refusal: Option<&str>) -> Option<Effect> {
+pub(super) fn over(
+    model: &mut ScreenModel,
+    verdict: Option<Verdict>,
+    store_error: Option<String>,
+    refusal: Option<&str>,
+) -> Option<Effect> {
     let (leaving, texts) = (model.leaving, model.texts);
     let run = model.run.as_mut()?;
     run.over = true;
+    // The service has seen all rounds, also one that was not begun and one whose events did not come.
+    run.told = verdict;
     run.prompt = None;
     run.progress.clear();
     run.pause = Pause::No;

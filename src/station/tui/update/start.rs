@@ -30,6 +30,11 @@ pub(super) fn prepared(model: &mut ScreenModel, prepared: Prepared) -> Option<Ef
     if model.scan.current.as_ref() != Some(&serial_number) || model.over.iter().any(is_question) {
         return None;
     }
+    if model.over.iter().any(|over| matches!(over, Over::Setup(_))) {
+        // The operator has turned to the form meanwhile: no run begins under it.
+        model.pending = None;
+        return None;
+    }
     model.scan.standing.clone_from(&standing);
     let pending = model.pending.as_mut()?;
     pending.questions.clear();

@@ -9,7 +9,7 @@ use ratatui::widgets::Paragraph;
 use super::rows::{decided, is_bad};
 use super::{frame as edges, style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{Loaded, RunView, ScreenModel, ScreenPage, order};
+use crate::tui::model::{Loaded, MessageWeight, RunView, ScreenModel, ScreenPage, order};
 
 pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
@@ -22,6 +22,13 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     }];
     let caveats = edges::no_evidence(model);
     lines.extend(caveats.iter().map(|caveat| Line::styled(text::cut(caveat, cells), style::strong())));
+    let danger = model.run.as_ref().is_some_and(|run| run.state.breaches().iter().any(|seen| seen.breach.safety));
+    let unknown = model.run.as_ref().is_some_and(RunView::power_unknown);
+    for (is, words) in [(danger, texts.danger_powered), (unknown, texts.power_unknown)] {
+        if is {
+            lines.push(Line::styled(text::cut(words, cells), style::weight(model.look, MessageWeight::Error)));
+        }
+    }
     match (&model.run, &model.bench, &model.plan) {
         (Some(run), ..) => lines.extend(of_run(model, run, cells)),
         (None, Loaded::Refused(why), _) | (None, _, Loaded::Refused(why)) => {

@@ -116,6 +116,10 @@ pub(super) fn no_evidence(model: &ScreenModel) -> Vec<String> {
         let name = header.bench.personality.as_deref().unwrap_or_default();
         reasons.push(fill(model.texts.simulated_long, &[&text::shown(name)]));
     }
+    if let Some(other) = model.shown_state().and_then(RunState::other_module) {
+        let [found, scanned] = [&other.found, &other.scanned].map(|number| text::shown(number));
+        reasons.push(fill(model.texts.other_module, &[&found, &scanned]));
+    }
     if header.selection.is_some() {
         reasons.push(model.texts.selection_long.to_owned());
     }
