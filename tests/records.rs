@@ -412,6 +412,13 @@ fn another_module_than_was_scanned_is_filed_against_neither() {
     assert!(verified.stdout.contains("the chain of 3 closed runs is whole"), "{}", verified.stdout);
     let listed = place.run(["records", "list"]);
     assert_eq!(listed.stdout.matches("other module").count(), 3, "{}", listed.stdout);
+    // Programs find it under neither number, and read both.
+    let listed = place.run(["records", "list", "--json"]);
+    let listed: serde_json::Value = serde_json::from_str(&listed.stdout).expect("JSON");
+    for line in listed.as_array().expect("runs") {
+        assert!(line["serial_number"].is_null(), "{line}");
+        assert_eq!(line["other_module"], "SN-1 was scanned, GNC-0666 is in the socket");
+    }
     // It is not taken up again, not even by the module that was in the socket.
     let folder = place.runs().remove(0).display().to_string();
     for number in ["SN-1", "GNC-0666"] {

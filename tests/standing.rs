@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use gnc_tests::{Board, PARTIAL, Place, Run};
+use gnc_tests::{Board, PARTIAL, Place, Run, read_json};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
@@ -66,6 +66,24 @@ fn a_failed_plan_is_no_pass_for_the_next() {
     let place = place(NEVER);
     assert_eq!(run(&place, "incoming", &SIM).code, Some(1));
     refused(&run(&place, "functional", &SIM), (&place, 1), "incoming failed ");
+}
+
+/// A module passed and then failed. Whoever removes the folder of the failed run does not open the gate: the chain names it.
+/// The report for CI servers tells of the refusal.
+#[test]
+fn a_removed_failure_does_not_open_the_gate() {
+    let place = place(CPU);
+    assert_eq!(run(&place, "incoming", &SIM).code, Some(0));
+    place.write("incoming.toml", &format!("name = \"incoming\"\nversion = \"1\"\n{NEVER}"));
+    assert_eq!(run(&place, "incoming", &SIM).code, Some(1));
+    refused(&run(&place, "functional", &SIM), (&place, 2), "incoming failed ");
+    let failed = place.runs().into_iter().find(|run| read_json(&run.join("run.json"))["outcome"] == "failed");
+    std::fs::remove_dir_all(failed.expect("the failed run")).expect("removable");
+    let again = run(&place, "functional", &[&SIM[..], &["--junit", "ci.xml"]].concat());
+    refused(&again, (&place, 1), "incoming passed ");
+    assert!(again.stderr.contains("record is missing"), "{}", again.stderr);
+    let report = std::fs::read_to_string(place.path().join("ci.xml")).expect("a report");
+    assert!(report.contains("requires a pass of incoming") && !report.contains("has not ended"), "{report}");
 }
 
 /// A simulated pass of the same number does not let a real run begin; a real one does, as long as its record is as it was

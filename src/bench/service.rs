@@ -285,7 +285,7 @@ impl Ready {
             plan.on_fail = on_fail;
         }
         let job = Job::new(plan, abilities, request.selection.as_deref())?;
-        // In the order of the plan, in whichever order somebody named the items.
+        // In the order of the plan. The order of the names on the command line does not matter.
         let selection = request.selection.as_ref().map(|names| {
             let items = job.plan().items().iter().map(|item| &item.name);
             items.filter(|name| names.contains(name)).cloned().collect::<Vec<_>>()

@@ -10,7 +10,7 @@
 //!
 //! [operator]                         # optional
 //! required = true                    # no run begins without a name
-//! name = "A. Chen"                   # who tests, if nobody else is named
+//! name = "A. Chen"                   # the operator, if the command line and the screen name none
 //!
 //! [verdict]                          # optional
 //! bell = true                        # the terminal rings at each verdict and each question

@@ -162,7 +162,7 @@ impl From<&RunRecord> for RunFacts {
 }
 
 impl RunFacts {
-    /// Why the run cannot count for its module, whoever asks: the part of the rule that its own record can tell.
+    /// Why the run can never count for its module, as far as its own record tells.
     fn own_flaws(&self) -> Vec<Flaw> {
         let judged = self
             .verdict

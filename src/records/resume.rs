@@ -23,7 +23,7 @@ use crate::store::chain::{self, ChainStanding};
 use crate::store::reader::{self, ReadError};
 use crate::store::{self, DIGESTS, JOURNAL, digest};
 
-/// Most runs that were taken up one after the other and are looked at: more often nobody resumes.
+/// Largest number of runs, each of which took up the one before, that are searched for captures.
 const MAX_EARLIER: usize = 20;
 /// The calibration of a module whose board cannot tell it.
 const UNKNOWN: &str = "unknown";

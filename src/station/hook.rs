@@ -25,6 +25,8 @@ use serde::Serialize;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::process::{Child, Command};
 
+use crate::refusal::complain;
+
 /// Version of the object that the program reads.
 const SCHEMA: &str = "gnc-verdict/1";
 /// Largest number of verdicts that wait for the program: a line that outruns its label printer by more has no use for
@@ -79,8 +81,6 @@ struct Ended {
 pub(crate) struct Hooks {
     verdicts: SyncSender<Ended>,
     thread: JoinHandle<()>,
-    /// Longest time that the end of the program waits for the verdicts that are not told yet.
-    patience: Duration,
 }
 
 impl Hooks {
@@ -90,10 +90,9 @@ impl Hooks {
     /// The system starts no thread.
     pub(crate) fn start(program: HookProgram, trouble: impl Fn(String) + Send + 'static) -> io::Result<Self> {
         let (verdicts, ended) = sync_channel(WAITING);
-        let patience = program.limit.min(END_WAITS);
         let thread = std::thread::Builder::new().name("hook".into());
         let thread = thread.spawn(move || serve(&program, &ended, &trouble))?;
-        Ok(Self { verdicts, thread, patience })
+        Ok(Self { verdicts, thread })
     }
 
     /// Has the verdict of a run told. Returns at once; the error says why the verdict is not told.
@@ -105,17 +104,18 @@ impl Hooks {
         })
     }
 
-    /// Waits until every verdict is told, but no longer than the program is given.
+    /// Waits a while until every verdict is told, and says so if some are not.
     pub(crate) fn finish(self) {
-        let Self { verdicts, thread, patience } = self;
+        let Self { verdicts, thread } = self;
         drop(verdicts);
         let (done, is_done) = sync_channel(1);
         let waits = std::thread::Builder::new().name("hook-end".into()).spawn(move || {
             let _ = thread.join();
             let _ = done.send(());
         });
-        if waits.is_ok() {
-            let _ = is_done.recv_timeout(patience);
+        if waits.is_err() || is_done.recv_timeout(END_WAITS).is_err() {
+            let what = format!("the hook is not done with the last verdicts after {} s", END_WAITS.as_secs());
+            complain(what, "the records hold every verdict; shorten hook_time, or mend the program");
         }
     }
 }

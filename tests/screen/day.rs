@@ -157,3 +157,21 @@ fn a_bench_requires_an_operator_without_a_screen_too() {
     let operators: Vec<serde_json::Value> = place.runs().iter().map(operator).collect();
     assert_eq!(operators, ["B", "A. Chen", "C"]);
 }
+
+/// Without the screen a scan answers no question either: the station asks again, and Enter alone is "done".
+#[test]
+fn a_scan_answers_no_question_without_a_screen() {
+    let place = Place::new(STATION);
+    let board = mock("good");
+    place.write("p.toml", IO_PLAN);
+    place.write("bench.toml", &board.bench_file("line-2"));
+    let mut terminal = open(&place, &["--auto", "p.toml", "--serial-number", "T-1"], 100, 30);
+    let asked = |screen: &vt100::Screen, times| screen.contents().matches(">> Close the lid.").count() == times;
+    terminal.wait_until("the question", |screen| asked(screen, 1));
+    terminal.types(b"SN-0002\r");
+    terminal.wait_until("the question again", |screen| asked(screen, 2));
+    terminal.types(b"\r");
+    terminal.wait_for("PASSED");
+    let (status, _) = terminal.end();
+    assert_eq!(status.code(), Some(0));
+}

@@ -1,4 +1,4 @@
-//! A serial port to which somebody only listens: a barcode reader. It may be unplugged for as long as it likes.
+//! A serial port that is only read, such as that of a barcode reader. It may be unplugged for any time.
 
 use std::future::pending;
 use std::path::PathBuf;

@@ -265,7 +265,7 @@ fn a_doubt_after_a_pass_is_told() {
     let doubted = shelf.standing_at(LATER);
     let words = "functional passed 2026-11-28 14:30; then only cpu failed 2026-11-28 14:42";
     assert_eq!((doubted.passes(), doubted.to_string().as_str()), (true, words));
-    // Somebody removed the run that failed after that.
+    // The folder of the run that failed after that was removed.
     let failed =
         shelf.run_with("functional", "2026-11-28T14:43:00+08:00", |record| record["outcome"] = "failed".into());
     assert_eq!(

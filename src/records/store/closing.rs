@@ -39,7 +39,7 @@ pub fn goes_on(run: &Path) -> bool {
     [File::open(run).ok(), journal].into_iter().flatten().any(is_held)
 }
 
-/// Whether somebody holds a file or a folder. A disk that knows no locks says nothing about that.
+/// Whether a program holds the lock of a file or a folder. On a disk without locks this is unknown, and the answer is no.
 fn is_held(file: File) -> bool {
     matches!(Flock::lock(file, FlockArg::LockSharedNonblock), Err((_, Errno::EAGAIN)))
 }

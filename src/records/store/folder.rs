@@ -215,7 +215,7 @@ mod tests {
     use super::*;
     use crate::store::reader::{self, Found};
 
-    /// A slow disk takes seconds until the journal has its first event; nobody is accused meanwhile.
+    /// A slow disk takes seconds until the journal has its first event. The run is called running until then.
     #[test]
     fn a_run_that_has_only_begun_is_running() {
         let records = tempfile::tempdir().unwrap();
@@ -228,7 +228,7 @@ mod tests {
         assert_eq!(look(), (Found::Running, true), "no journal yet");
         let journal = folder.create_file(crate::store::JOURNAL).unwrap();
         assert_eq!(look(), (Found::Running, true), "a journal without an event");
-        // A look takes the lock from nobody.
+        // A look leaves the lock with its holder.
         let held = crate::store::closing::hold(journal, folder.path());
         assert!(held.is_ok());
         drop(folder);

@@ -56,11 +56,16 @@ fn the_kernels_own_folder_names_a_program() {
     // A program that is started must not get the board's end.
     fcntl(&pty.master, FcntlArg::F_SETFD(FdFlag::FD_CLOEXEC)).expect("a descriptor");
     let end = fs::File::open(&port).expect("the port");
-    let mut reader = Command::new("sleep").arg("600").stdin(Stdio::from(end)).spawn().expect("sleep");
+    // The kernel shows the words of a program a moment after its start. This one says when it runs.
+    let mut reader = Command::new("sh");
+    reader.args(["-c", "echo; read line"]).stdin(Stdio::from(end)).stdout(Stdio::piped());
+    let mut reader = reader.spawn().expect("a shell");
+    let said = reader.stdout.take().expect("its output");
+    std::io::BufRead::read_line(&mut std::io::BufReader::new(said), &mut String::new()).expect("a line");
     let holders = Proc::default().holders(&port);
     reader.kill().expect("alive");
     reader.wait().expect("its end");
-    assert_eq!(holders.found, [Holder { process: reader.id(), command: "sleep 600".to_owned() }]);
+    assert_eq!(holders.found, [Holder { process: reader.id(), command: "sh -c echo; read line".to_owned() }]);
     drop(pty);
 }
 

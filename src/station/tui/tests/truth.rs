@@ -13,6 +13,7 @@ use ratatui::style::Color;
 use super::{fail, scene};
 use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
+use crate::tui::model::RunView;
 use crate::tui::pending::Prepared;
 use crate::tui::scene::Scene;
 use crate::tui::update::{Effect, Msg};
@@ -196,7 +197,7 @@ fn a_round_that_was_not_begun_is_no_pass() {
     scene.event(EventKind::RunEnded(Verdict::Module(Outcome::Passed)));
     let (verdict, refusal) = (Some(Verdict::Module(Outcome::Errored)), Some("the disk is full".to_owned()));
     scene.tell(Msg::RunOver { verdict, store_error: None, refusal });
-    assert_eq!(scene.model.run.as_ref().and_then(|run| run.verdict()), verdict);
+    assert_eq!(scene.model.run.as_ref().and_then(RunView::verdict), verdict);
     assert!(shows(&mut scene, "errored"), "{}", scene.text());
 }
 
