@@ -267,9 +267,15 @@ impl Standing {
         let hides = |flaw: &Flaw| {
             matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::NotClosed | Flaw::NotInChain | Flaw::Unreadable)
         };
+        // Of a run that is gone only the folder's name is known: the second one of a plan in a second ends with a number.
+        let may_be_ours = |run: &PastRun| {
+            let rest = run.plan.strip_prefix(&self.plan);
+            let number = rest.and_then(|rest| rest.strip_prefix('-'));
+            rest == Some("") || run.verdict.is_none() && number.is_some_and(|text| text.parse::<u32>().is_ok())
+        };
         let is_in_doubt = |run: &PastRun| {
             let failed = run.verdict.is_some_and(|verdict| verdict.of_items() == Outcome::Failed);
-            run.plan == self.plan && (failed || run.flaws.iter().any(hides))
+            may_be_ours(run) && (failed || run.flaws.iter().any(hides))
         };
         self.passes() && !self.beside.as_ref().is_some_and(is_in_doubt)
     }
@@ -327,5 +333,34 @@ impl fmt::Display for Standing {
             (None, Some(beside)) => write!(f, "{beside}; {} never", printable(&self.plan)),
             (None, None) => f.write_str("never tested"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pass, and beside it another run: which of them lets the next plan begin.
+    #[test]
+    fn what_closes_the_gate() {
+        let passed = PastRun { verdict: Some(Verdict::Module(Outcome::Passed)), ..nameless("incoming", None) };
+        let gate = |beside: Option<PastRun>| {
+            Standing { plan: "incoming".into(), counts: Some(passed.clone()), beside }.passes_beyond_doubt()
+        };
+        assert!(gate(None));
+        for flaw in [Flaw::Missing, Flaw::Changed, Flaw::NotClosed, Flaw::NotInChain, Flaw::Unreadable] {
+            assert!(!gate(Some(nameless("incoming", Some(flaw)))), "{flaw:?}");
+            assert!(!gate(Some(nameless("incoming-2", Some(flaw)))), "the second run in a second: {flaw:?}");
+            assert!(gate(Some(nameless("incoming-cold", Some(flaw)))), "another plan: {flaw:?}");
+        }
+        let failed = |plan| PastRun { verdict: Some(Verdict::Selection(Outcome::Failed)), ..nameless(plan, None) };
+        assert!(!gate(Some(failed("incoming"))) && gate(Some(failed("functional"))));
+        let none = Standing { plan: "incoming".into(), counts: None, beside: Some(passed.clone()) };
+        assert!(!none.passes_beyond_doubt());
+    }
+
+    fn nameless(plan: &str, flaw: Option<Flaw>) -> PastRun {
+        let flaws = flaw.into_iter().collect();
+        PastRun { at: None, plan: plan.into(), verdict: None, items: None, simulated: false, flaws }
     }
 }
