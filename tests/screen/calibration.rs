@@ -137,6 +137,8 @@ fn a_module_is_laid_down_by_hand() {
     let broken = place.runs()[0].display().to_string();
     let mut terminal = open(&place, &["--plan", "p.toml", "--resume", &broken], 80, 24);
     terminal.wait_for("T-1: F5 resumes");
+    // The words of the command line stand there before plan and bench are read.
+    terminal.wait_for("by-hand 1");
     terminal.types(F5);
     terminal.wait_for("capture the rest");
     terminal.types(F2);
