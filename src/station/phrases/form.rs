@@ -1,0 +1,142 @@
+//! The form of a sentence: its own words, and places for values between them.
+
+use std::borrow::Cow;
+
+/// Most tries to fit a text to a form. A text that needs more is none of the station's sentences.
+const MOST_TRIES: u32 = 2000;
+
+/// What a place takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PlaceKind {
+    /// Text that is the same in each language.
+    Text,
+    /// A number.
+    Number,
+    /// A sentence with translations of its own.
+    Sentence,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Place {
+    name: &'static str,
+    kind: PlaceKind,
+    /// The words behind it.
+    then: &'static str,
+}
+
+/// A form.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct Form {
+    begin: &'static str,
+    places: Vec<Place>,
+}
+
+impl Form {
+    /// Reads a form. `None`: its braces do not fit.
+    pub(super) fn read(text: &'static str) -> Option<Self> {
+        let mut pieces = text.split('{');
+        let begin = pieces.next()?;
+        let place = |piece: &'static str| {
+            let (name, then) = piece.split_once('}')?;
+            let (name, kind) = match name.split_at_checked(name.len().checked_sub(1)?)? {
+                (name, "#") => (name, PlaceKind::Number),
+                (name, "*") => (name, PlaceKind::Sentence),
+                _ => (name, PlaceKind::Text),
+            };
+            let is_name = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'_');
+            (is_name && !then.contains('}')).then_some(Place { name, kind, then })
+        };
+        let places = pieces.map(place).collect::<Option<Vec<_>>>()?;
+        (!begin.contains('}')).then_some(Self { begin, places })
+    }
+
+    /// Names and kinds of its places, sorted, each once.
+    #[cfg(test)]
+    pub(super) fn places(&self) -> std::collections::BTreeMap<&'static str, PlaceKind> {
+        self.places.iter().map(|place| (place.name, place.kind)).collect()
+    }
+
+    /// Bytes of its own words.
+    pub(super) fn own_bytes(&self) -> usize {
+        self.begin.len() + self.places.iter().map(|place| place.then.len()).sum::<usize>()
+    }
+
+    /// The word that each text of this form begins with; empty if a place may change it.
+    pub(super) fn first_word(&self) -> &'static str {
+        match self.begin.split_once(' ') {
+            Some((word, _)) => word,
+            None if self.places.is_empty() => self.begin,
+            None => "",
+        }
+    }
+
+    /// The values of its places in a text of this form.
+    pub(super) fn values<'a>(&self, text: &'a str) -> Option<Vec<&'a str>> {
+        let rest = text.strip_prefix(self.begin)?;
+        let mut values = Vec::with_capacity(self.places.len());
+        let mut tries = MOST_TRIES;
+        self.fits(rest, &mut values, &mut tries).then_some(values)
+    }
+
+    fn fits<'a>(&self, rest: &'a str, values: &mut Vec<&'a str>, tries: &mut u32) -> bool {
+        let Some(place) = self.places.get(values.len()) else { return rest.is_empty() };
+        let is_last = values.len() + 1 == self.places.len();
+        let ends: Box<dyn Iterator<Item = usize>> = match place.then {
+            then if is_last => Box::new(rest.strip_suffix(then).map(str::len).into_iter()),
+            // Two places without a word between them: nothing tells them apart.
+            "" => return false,
+            then => Box::new(rest.match_indices(then).map(|(at, _)| at)),
+        };
+        for end in ends {
+            *tries = tries.saturating_sub(1);
+            if *tries == 0 {
+                return false;
+            }
+            let value = &rest[..end];
+            if !takes(place.kind, value) || self.is_another_value(place.name, value, values) {
+                continue;
+            }
+            values.push(value);
+            if self.fits(&rest[end + place.then.len()..], values, tries) {
+                return true;
+            }
+            values.pop();
+        }
+        false
+    }
+
+    /// Whether a place of the same name before took another value.
+    fn is_another_value(&self, name: &str, value: &str, values: &[&str]) -> bool {
+        self.places.iter().zip(values).any(|(place, before)| place.name == name && *before != value)
+    }
+
+    /// The value of a place, and its kind.
+    pub(super) fn value<'a>(&self, name: &str, values: &[&'a str]) -> Option<(&'a str, PlaceKind)> {
+        let index = self.places.iter().position(|place| place.name == name)?;
+        Some((values.get(index)?, self.places[index].kind))
+    }
+
+    /// The form with its places filled in.
+    pub(super) fn fill<'a>(&self, mut value: impl FnMut(&str) -> Option<Cow<'a, str>>) -> String {
+        let mut out = self.begin.to_owned();
+        for place in &self.places {
+            out.push_str(&value(place.name).unwrap_or_default());
+            out.push_str(place.then);
+        }
+        out
+    }
+}
+
+fn takes(kind: PlaceKind, value: &str) -> bool {
+    let in_number = |byte: u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'+' | b'-' | b'e' | b',');
+    match kind {
+        PlaceKind::Text => true,
+        PlaceKind::Number => value.bytes().any(|byte| byte.is_ascii_digit()) && value.bytes().all(in_number),
+        PlaceKind::Sentence => !value.is_empty(),
+    }
+}
+
+/// The first word of a text; the whole text if it is one word.
+pub(super) fn first_word_of(text: &str) -> &str {
+    text.split_once(' ').map_or(text, |(word, _)| word)
+}

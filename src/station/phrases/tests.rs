@@ -1,0 +1,83 @@
+use std::collections::BTreeMap;
+
+use super::*;
+
+fn zh(text: &str) -> Cow<'_, str> {
+    in_language(text, Lang::Zh)
+}
+
+#[test]
+fn a_sentence_has_its_values_where_the_language_has_them() {
+    assert_eq!(zh("port /dev/ttyUSB0 is in use by minicom (process 12)"), "端口 /dev/ttyUSB0 正被minicom (process 12)占用");
+    assert_eq!(zh("port /dev/ttyUSB0 is in use by another program"), "端口 /dev/ttyUSB0 正被另一个程序占用");
+    assert_eq!(
+        in_language("port /dev/ttyUSB0 is in use by another program", Lang::Ru),
+        "порт /dev/ttyUSB0 занят: другой программой"
+    );
+}
+
+#[test]
+fn causes_and_hints_behind_a_sentence_are_translated_too() {
+    assert_eq!(
+        zh("no answer from the board to HELLO: asked 10 times in 2511 ms; nothing else was heard from it; check the board's power, \
+            the two pairs (A and B swapped?) and the rate"),
+        "板卡不应答 HELLO：2511 ms 内询问 10 次；也没有收到它的其他数据；检查板卡电源、两对线（A、B 是否接反？）和波特率"
+    );
+}
+
+#[test]
+fn what_the_table_does_not_know_stays_as_it_is() {
+    for text in ["", "x", ": ", "; ; ;", "SN-0001", "a sentence of a later version", "{port}"] {
+        assert_eq!(zh(text), text);
+    }
+    assert_eq!(zh("the IMU stream; a sentence of a later version"), "IMU 数据流；a sentence of a later version");
+    let long = "port x is in use by ".repeat(1000);
+    assert_eq!(zh(&long), long.as_str());
+    let deep = "no answer from the board to HELLO: asked 1 times in 1 ms; ".repeat(60);
+    assert!(zh(&deep).ends_with("in 1 ms; "), "the end of what is bounded");
+}
+
+/// The same places in each language, of the same kinds; words of its own; braces that fit.
+#[test]
+fn forms_agree() {
+    for sentence in all() {
+        let Sentence { id, en, zh, ru } = sentence;
+        let english = Form::read(en).unwrap_or_else(|| panic!("{id:?}: {en}"));
+        assert!(english.own_bytes() >= 3, "{id:?}: {en} would fit any text");
+        for text in [zh, ru] {
+            let other = Form::read(text).unwrap_or_else(|| panic!("{id:?}: {text}"));
+            let names = |form: &Form| form.places().into_keys().collect::<Vec<_>>();
+            assert_eq!(names(&english), names(&other), "{id:?}: {text}");
+            assert!(other.places().values().all(|kind| *kind == PlaceKind::Text), "{id:?}: kinds stand in the English form alone");
+        }
+        assert!(zh.chars().any(|c| !c.is_ascii()) && ru.chars().any(|c| !c.is_ascii()), "{id:?} is English still");
+    }
+}
+
+/// Each sentence, made with values, is found as itself and not as another one.
+#[test]
+fn each_sentence_is_found_as_itself() {
+    let mut seen: BTreeMap<String, (&str, &str)> = BTreeMap::new();
+    for sentence in all() {
+        let english = Form::read(sentence.en).unwrap_or_default();
+        let made = english.fill(|name| {
+            Some(match english.places()[name] {
+                PlaceKind::Number => "42".into(),
+                PlaceKind::Text => format!("<{name}>").into(),
+                PlaceKind::Sentence => "bus in memory".into(),
+            })
+        });
+        assert!(seen.insert(made.clone(), sentence.id).is_none(), "{:?} and {:?}: {made}", sentence.id, seen[&made]);
+        for (lang, form) in [(Lang::Zh, sentence.zh), (Lang::Ru, sentence.ru)] {
+            let expected = Form::read(form).unwrap_or_default().fill(|name| {
+                Some(match (english.places()[name], lang) {
+                    (PlaceKind::Number, _) => "42".into(),
+                    (PlaceKind::Text, _) => format!("<{name}>").into(),
+                    (PlaceKind::Sentence, Lang::Zh) => "内存中的总线".into(),
+                    (PlaceKind::Sentence, _) => "шина в памяти".into(),
+                })
+            });
+            assert_eq!(in_language(&made, lang), expected, "{:?}", sentence.id);
+        }
+    }
+}
