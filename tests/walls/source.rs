@@ -1,4 +1,5 @@
-//! The source of a crate as modules, and the paths that each module names. Code for tests only is left out.
+//! The source of a crate as modules: the paths that each module names, and the texts that it makes. Code for tests only is
+//! left out.
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +30,34 @@ pub(crate) struct Module {
     pub file: PathBuf,
     /// All paths that it names, and for the root also single words.
     pub named: Vec<Named>,
+    /// The text literals of its code. Those that no person reads are left out: attributes except `#[error]`, and what a
+    /// programmer reads when an assertion fails.
+    pub texts: Vec<Text>,
 }
+
+/// A text literal and its line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Text {
+    /// Its value.
+    pub text: String,
+    /// Its line.
+    pub line: usize,
+}
+
+/// Macros and methods whose texts are for programmers.
+const FOR_PROGRAMMERS: [&str; 11] = [
+    "expect",
+    "expect_err",
+    "panic",
+    "unreachable",
+    "assert",
+    "assert_eq",
+    "assert_ne",
+    "debug_assert",
+    "debug_assert_eq",
+    "include_str",
+    "env",
+];
 
 /// All modules of the crate whose root is the file `root`.
 ///
@@ -38,7 +66,7 @@ pub(crate) struct Module {
 pub(crate) fn modules(root: &Path, load: Load<'_>) -> Result<Vec<Module>, String> {
     let mut found = Vec::new();
     let folder = root.parent().unwrap_or(Path::new(""));
-    read(Module { path: Vec::new(), file: root.to_owned(), named: Vec::new() }, folder, load, &mut found)?;
+    read(Module { path: Vec::new(), file: root.to_owned(), named: Vec::new(), texts: Vec::new() }, folder, load, &mut found)?;
     Ok(found)
 }
 
@@ -56,18 +84,25 @@ fn walk(
     load: Load<'_>,
     found: &mut Vec<Module>,
 ) -> Result<(), String> {
-    let mut inside = Inside { named: Vec::new(), files: Vec::new(), inline: Vec::new(), words: module.path.is_empty() };
+    let mut inside = Inside {
+        named: Vec::new(),
+        texts: Vec::new(),
+        files: Vec::new(),
+        inline: Vec::new(),
+        words: module.path.is_empty(),
+        quiet: false,
+    };
     inside.tokens(&tokens.into_iter().collect::<Vec<_>>());
-    module.named = inside.named;
+    (module.named, module.texts) = (inside.named, inside.texts);
     let child = |name: &str| [module.path.clone(), vec![name.to_owned()]].concat();
     for name in inside.files {
         let path = child(&name);
         let beside = folder.join(format!("{name}.rs"));
         let file = if load(&beside).is_some() { beside } else { folder.join(&name).join("mod.rs") };
-        read(Module { path, file, named: Vec::new() }, &folder.join(&name), load, found)?;
+        read(Module { path, file, named: Vec::new(), texts: Vec::new() }, &folder.join(&name), load, found)?;
     }
     for (name, body) in inside.inline {
-        let inner = Module { path: child(&name), file: module.file.clone(), named: Vec::new() };
+        let inner = Module { path: child(&name), file: module.file.clone(), named: Vec::new(), texts: Vec::new() };
         walk(inner, body, &folder.join(&name), load, found)?;
     }
     found.push(module);
@@ -77,12 +112,15 @@ fn walk(
 /// The findings in the code of one module.
 struct Inside {
     named: Vec<Named>,
+    texts: Vec<Text>,
     /// Submodules in separate files.
     files: Vec<String>,
     /// Submodules in the same file.
     inline: Vec<(String, TokenStream)>,
     /// Whether single words count too.
     words: bool,
+    /// Whether the texts here are for programmers.
+    quiet: bool,
 }
 
 impl Inside {
@@ -97,8 +135,17 @@ impl Inside {
     fn next(&mut self, tokens: &[TokenTree], at: usize) -> usize {
         let rest = &tokens[at..];
         match rest {
+            [TokenTree::Punct(hash), TokenTree::Punct(inner), TokenTree::Group(attribute), ..]
+                if (hash.as_char(), inner.as_char()) == ('#', '!') =>
+            {
+                self.quietly(true, |inside| inside.group(attribute)) + 2
+            }
             [TokenTree::Punct(hash), TokenTree::Group(attribute), item @ ..] if hash.as_char() == '#' => {
-                if is_for_tests(attribute) { 2 + item_length(item) } else { self.group(attribute) + 1 }
+                if is_for_tests(attribute) {
+                    return 2 + item_length(item);
+                }
+                let is_error = attribute.stream().into_iter().next().is_some_and(|word| word.to_string() == "error");
+                self.quietly(!is_error, |inside| inside.group(attribute)) + 1
             }
             [TokenTree::Ident(word), TokenTree::Ident(name), TokenTree::Punct(_), ..] if word == "mod" => {
                 self.files.push(name.to_string());
@@ -136,9 +183,28 @@ impl Inside {
                 }
                 length
             }
-            [TokenTree::Group(group), ..] => self.group(group),
+            [TokenTree::Group(group), ..] => {
+                let before = tokens[..at].iter().rev().find(|token| !is_punct(token, '!'));
+                let quiet = matches!(before, Some(TokenTree::Ident(word)) if FOR_PROGRAMMERS.iter().any(|one| word == one));
+                self.quietly(quiet, |inside| inside.group(group))
+            }
+            [TokenTree::Literal(literal), ..] => {
+                if !self.quiet && let Ok(text) = syn::parse_str::<syn::LitStr>(&literal.to_string()) {
+                    self.texts.push(Text { text: text.value(), line: literal.span().start().line });
+                }
+                1
+            }
             _ => 1,
         }
+    }
+
+    /// Walks with texts left out, if they are for programmers.
+    fn quietly(&mut self, quiet: bool, walk: impl FnOnce(&mut Self) -> usize) -> usize {
+        let before = self.quiet;
+        self.quiet |= quiet;
+        let length = walk(self);
+        self.quiet = before;
+        length
     }
 
     fn group(&mut self, group: &Group) -> usize {
