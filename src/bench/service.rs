@@ -17,6 +17,7 @@ use gnc_executive::bench::BenchSite;
 use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader, events_form};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::part::PartName;
 use gnc_executive::plan::OnFail;
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::{PlanAsked, Question, Standing};
@@ -71,6 +72,8 @@ pub struct RunRequest {
     pub plan: CheckedPlan,
     /// The module's serial number.
     pub serial_number: String,
+    /// The part that the module must be; it is compared with what the module says.
+    pub part: Option<PartName>,
     /// The person who tests.
     pub operator: Option<String>,
     /// Names of the chosen items; `None` for the whole plan.
@@ -293,6 +296,7 @@ impl Ready {
         let mut header = RunHeader {
             schema: events_form(request.selection.as_deref()).to_owned(),
             serial_number: request.serial_number.clone(),
+            part: request.part.clone(),
             operator: request.operator.clone(),
             station,
             program: request.program.clone(),

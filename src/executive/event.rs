@@ -15,6 +15,7 @@ use crate::catalogue::ItemId;
 use crate::details::Details;
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
+use crate::part::{LimitsChosen, PartName};
 use crate::plan::Phase;
 use crate::verdict::Verdict;
 
@@ -58,7 +59,7 @@ pub struct Event {
 /// 3. for each skipped item `item_ended` alone, with its cause;
 /// 4. `run_ended`, once and last. An item without `item_ended` was not run.
 ///
-/// `board_found`, `board_rebooted`, `board_breach`, `other_module`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere between
+/// `board_found`, `board_rebooted`, `board_breach`, `other_module`, `limits_chosen`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere between
 /// the first event and the last. A journal that was cut off has no `run_ended`: the run was interrupted.
 ///
 /// Progress is not an event: progress may be skipped, and events never are.
@@ -86,6 +87,8 @@ pub enum EventKind {
     BoardBreach(BoardBreach),
     /// The module in the socket is not the one that was scanned. Nothing is said of either.
     OtherModule(OtherModule),
+    /// The plan has limits by part number, and the station has chosen those for the module: at most once, before the first item.
+    LimitsChosen(LimitsChosen),
     /// The module's supply was switched.
     Power(Power),
     /// An attempt of an item begins.
@@ -183,6 +186,9 @@ pub struct RunHeader {
     pub schema: String,
     /// The scanned serial number, as scanned: it may hold anything.
     pub serial_number: String,
+    /// The part number that was asked for, with its revision if one was; absent if none was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<PartName>,
     /// Who tests.
     pub operator: Option<String>,
     /// Which station.
@@ -463,12 +469,13 @@ pub enum StopHow {
 
 impl EventKind {
     /// The names of all kinds in journals.
-    pub(crate) const NAMES: [&str; 17] = [
+    pub(crate) const NAMES: [&str; 18] = [
         "run_started",
         "board_found",
         "board_rebooted",
         "board_breach",
         "other_module",
+        "limits_chosen",
         "power",
         "item_started",
         "measured",
@@ -491,6 +498,7 @@ impl EventKind {
             EventKind::BoardRebooted { .. } => "board_rebooted",
             EventKind::BoardBreach(_) => "board_breach",
             EventKind::OtherModule(_) => "other_module",
+            EventKind::LimitsChosen(_) => "limits_chosen",
             EventKind::Power(_) => "power",
             EventKind::ItemStarted { .. } => "item_started",
             EventKind::Measured { .. } => "measured",

@@ -19,6 +19,7 @@ pub mod limit;
 pub mod measurement;
 mod number;
 pub mod outcome;
+pub mod part;
 pub mod plan;
 pub mod quantity;
 pub mod record;

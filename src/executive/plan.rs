@@ -13,6 +13,8 @@
 //! requires_plan = ["incoming"]       # plans that the module must have passed before this one
 //! valid_days = 30                    # days for which a pass counts, of this plan and of those that it requires
 //!
+//! requires_part = false              # true: only modules whose part number has a table below
+//!
 //! [resume]                           # of a run that takes over captures: it waits for the module's temperature
 //! wait = "30 min"                    # at most so long in all
 //! within = "0.5 degC"                # of what those captures had at their end
@@ -34,6 +36,11 @@
 //! gyro_x = "0 +- 2 deg/s"
 //! "accel_*_noise" = "<= 5 mg"        # * stands for any letters
 //! accel_norm = { limit = "1 g +- 5 %", marginal = "1 mg" }
+//!
+//! [part.GNC-POP-26B.limits]          # for modules that say this part number, in place of the items' own
+//! imu.gyro_x = "0 +- 1 deg/s"
+//! [part.GNC-POP-26B.revision.C.limits]   # for this hardware revision of it, in place of both
+//! imu.gyro_x = "0 +- 1.5 deg/s"
 //! ```
 //!
 //! If several limits fit one measurement, an exact name counts more than a pattern, and a later pattern more than an
@@ -43,6 +50,7 @@ mod closure;
 mod item;
 mod limits;
 mod params;
+mod part;
 mod resume;
 mod schema;
 
@@ -55,6 +63,7 @@ use crate::catalogue::{Device, ItemId, MeasurementSpec};
 use crate::limit::Limit;
 use crate::measurement::{Measurement, Value};
 use crate::outcome::Outcome;
+use crate::part::{LimitsChosen, PartName};
 use crate::quantity::Unit;
 use crate::serial_number::SerialNumberPattern;
 use crate::uncertainty::Decision;
@@ -104,8 +113,26 @@ pub struct Plan {
     pub resume: ResumeRules,
     /// What the serial number of a module must match.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Whether only modules are tested whose part number has a table.
+    pub requires_part: bool,
     items: Vec<PlanItem>,
+    parts: Vec<part::PartLimits>,
     sources: Vec<SourceText>,
+}
+
+/// A plan requires a part that it names, and the module is none.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the plan has no limits for part {module}, and requires such")]
+pub struct PartNotNamed {
+    /// The module.
+    pub module: PartName,
+}
+
+impl PartNotNamed {
+    /// What people can try.
+    pub fn try_this(&self) -> &'static str {
+        "use the plan for this part, or write a table [part.NAME] for it into this plan"
+    }
 }
 
 /// What happens after an item that is not good.
@@ -214,6 +241,63 @@ impl Plan {
         self.sources.iter().map(|source| (source.name.as_str(), source.text.as_bytes()))
     }
 
+    /// Whether limits depend on the part number of the module.
+    pub fn has_parts(&self) -> bool {
+        !self.parts.is_empty()
+    }
+
+    /// Whether limits depend on the revision of this part too.
+    pub fn has_revisions_of(&self, part: &PartName) -> bool {
+        let number = part.key().number;
+        self.parts.iter().any(|table| table.name.revision.is_some() && table.name.key().number == number)
+    }
+
+    /// The parts and revisions that have limits of their own, as the plan writes them.
+    pub fn parts(&self) -> impl Iterator<Item = &PartName> {
+        self.parts.iter().map(|table| &table.name)
+    }
+
+    /// Chooses the limits for a module: those of its revision, else of its part, else the plan's own.
+    ///
+    /// # Errors
+    /// [`PartNotNamed`].
+    pub fn choose_limits(&self, module: &PartName) -> Result<LimitsChosen, PartNotNamed> {
+        let own = module.revision.as_ref().and_then(|_| self.table(module));
+        let table = own.or_else(|| self.table(&PartName { revision: None, ..module.clone() }));
+        // A part of which only other revisions have limits is named too, but not this revision of it.
+        let table = table.filter(|table| !self.is_only_a_head(table));
+        if table.is_none() && self.requires_part {
+            return Err(PartNotNamed { module: module.clone() });
+        }
+        Ok(LimitsChosen { part: table.map(|table| table.name.clone()), module: module.clone() })
+    }
+
+    /// The plan with the limits of a part and its revision in place of its own; `None` if it has no such table.
+    pub fn with_limits_of(&self, part: &PartName) -> Option<Plan> {
+        let own = self.table(part)?;
+        let of_part = part.revision.as_ref().and_then(|_| self.table(&PartName { revision: None, ..part.clone() }));
+        let mut plan = self.clone();
+        for (position, limits) in of_part.into_iter().chain([own]).flat_map(|table| &table.items) {
+            let Some(item) = plan.items.get_mut(*position) else { continue };
+            limits.iter().for_each(|limit| part::put(&mut item.limits, limit.clone()));
+            // In the order of the catalogue, as items have them.
+            let spec = item.id.spec();
+            let place = |limit: &ItemLimit| spec.measurements.iter().position(|one| one.name == limit.measurement.name);
+            item.limits.sort_by_key(place);
+        }
+        Some(plan)
+    }
+
+    fn table(&self, part: &PartName) -> Option<&part::PartLimits> {
+        let key = part.key();
+        self.parts.iter().find(|table| table.name.key() == key)
+    }
+
+    /// Whether a part has no limits and is written for its revisions only.
+    fn is_only_a_head(&self, table: &part::PartLimits) -> bool {
+        table.name.revision.is_none() && table.items.is_empty() && self.has_revisions_of(&table.name)
+    }
+
     /// Checks what only the code that carries an item out knows: `look` returns what is wrong with the item, and what
     /// to try.
     ///
@@ -248,6 +332,11 @@ impl PlanItem {
     pub(crate) fn devices(&self) -> impl Iterator<Item = Device> {
         let asks = self.prompt.is_some() && !self.id.spec().devices.contains(&Device::Operator);
         self.id.spec().devices.iter().copied().chain(asks.then_some(Device::Operator))
+    }
+
+    /// All limits, in the order of the catalogue.
+    pub fn limits(&self) -> impl Iterator<Item = (&'static str, &Limit)> {
+        self.limits.iter().map(|limit| (limit.measurement.name, &limit.limit))
     }
 
     /// The limit of a measurement.

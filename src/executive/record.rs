@@ -14,6 +14,7 @@ use crate::event::{
 };
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, Outcome};
+use crate::part::{LimitsChosen, PartName};
 use crate::plan::Phase;
 use crate::state::{Attempt, Breach, Note, Row, RunState};
 use crate::verdict::Verdict;
@@ -34,8 +35,14 @@ pub struct RunRecord {
     pub interrupted: bool,
     /// The scanned serial number.
     pub serial_number: String,
+    /// The part number that was asked for, with its revision if one was; absent if none was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<PartName>,
     /// The plan that was followed.
     pub plan: PlanInfo,
+    /// The limits that were chosen by the module's part number; absent if the plan has no such limits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsChosen>,
     /// Where the bench stands, as its file states.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub site: Option<BenchSite>,
@@ -213,7 +220,9 @@ impl RunRecord {
             verdict: state.verdict().unwrap_or(Verdict::new(Outcome::Aborted, state.is_selection())),
             interrupted,
             serial_number: header.serial_number,
+            part: header.part,
             plan: header.plan,
+            limits: state.limits().cloned(),
             site: header.site,
             recomputed: header.recomputed,
             resumed: header.resumed,

@@ -85,6 +85,8 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
     let rows = [
         ("Serial number", Some(record.serial_number.clone())),
         ("Plan", Some(format!("{} {} (SHA-256 {})", record.plan.name, record.plan.version, record.plan.sha256))),
+        ("Part asked", record.part.as_ref().map(ToString::to_string)),
+        ("Limits", record.limits.as_ref().map(ToString::to_string)),
         ("Station", Some(record.station.clone())),
         ("Operator", record.operator.clone()),
         ("Bench", Some(bench)),

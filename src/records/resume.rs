@@ -14,6 +14,7 @@ use gnc_analysis::capture::Capture;
 use gnc_executive::catalogue::Trace;
 use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, OtherModule, RunHeader};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::part::LimitsChosen;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use sha2::{Digest as _, Sha256};
@@ -120,6 +121,8 @@ pub struct Resumed {
     firmware: Option<String>,
     /// The calibration that the module kept at the first power-on; `None` if the run may have stored another one.
     calibration: Option<String>,
+    /// The limits that were chosen by the module's part number.
+    limits: Option<LimitsChosen>,
     /// Items that had begun: position in the plan, name, last attempt.
     begun: Vec<(usize, String, u32)>,
     /// The run that this one had taken up.
@@ -184,6 +187,7 @@ impl Resumed {
                 .map(|board| board.firmware.clone())
                 .or_else(|| before.as_ref().and_then(|before| before.firmware.clone())),
             calibration: kept.or_else(|| knows.and_then(|before| before.calibration.clone())).filter(|_| !stores),
+            limits: state.limits().cloned().or_else(|| before.as_ref().and_then(|before| before.limits.clone())),
             begun,
             before,
         })
@@ -209,6 +213,17 @@ impl Resumed {
             same("a module with the calibration", was, calibration.unwrap_or(UNKNOWN))?;
         }
         Ok(())
+    }
+
+    /// Checks that the module is judged by the limits of the earlier run.
+    ///
+    /// # Errors
+    /// [`ResumeError::Unlike`].
+    pub fn fits_limits(&self, chosen: &LimitsChosen) -> Result<(), ResumeError> {
+        match &self.limits {
+            Some(was) if was.part != chosen.part => same("the limits", &was.to_string(), &chosen.to_string()),
+            _ => Ok(()),
+        }
     }
 
     /// The complete captures of a round of an item, from 1; empty if the round had not begun.

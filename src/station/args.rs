@@ -5,10 +5,14 @@ mod list;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use gnc_executive::part::{PartName, unfit};
 use gnc_executive::plan::OnFail;
 use gnc_executive::quantity::{Dimension, Quantity, Unit};
+use gnc_text::quoted;
 
 use crate::exit_code::Strictness;
+use crate::refusal::CommandRefusal;
+use crate::serial_number::is_invisible;
 
 pub(crate) use list::ListArgs;
 
@@ -92,6 +96,12 @@ pub(crate) struct RunArgs {
     /// Serial number of the module.
     #[arg(long, value_name = "SN")]
     pub serial_number: Option<String>,
+    /// Part number that the module must have. The station compares it with what the module says.
+    #[arg(long, value_name = "PART")]
+    pub part: Option<String>,
+    /// Hardware revision that the module must have; `-` for none.
+    #[arg(long, value_name = "REV", requires = "part", allow_hyphen_values = true)]
+    pub revision: Option<String>,
     /// Name of the operator.
     #[arg(long, value_name = "NAME")]
     pub operator: Option<String>,
@@ -135,10 +145,34 @@ pub(crate) struct RunArgs {
 }
 
 impl RunArgs {
+    /// The part that the module must be.
+    pub(crate) fn part(&self) -> Result<Option<PartName>, CommandRefusal> {
+        asked_part(self.part.as_deref(), self.revision.as_deref())
+    }
+
     /// Whether a marginal module has an exit code of its own.
     pub(crate) fn strictness(&self) -> Strictness {
         if self.strict { Strictness::Strict } else { Strictness::Lenient }
     }
+}
+
+/// A part number and a revision as people give them, without the white space around them that some scanners add.
+pub(crate) fn asked_part(number: Option<&str>, revision: Option<&str>) -> Result<Option<PartName>, CommandRefusal> {
+    let Some(number) = number else { return Ok(None) };
+    for (what, text) in [("part number", Some(number)), ("revision", revision)] {
+        let Some(text) = text else { continue };
+        let problem = match unfit(text) {
+            _ if what == "part number" && text.trim().is_empty() => Some(("is empty", "scan the label again")),
+            None if text.chars().any(is_invisible) => {
+                Some(("has a character that nobody sees", "type it again as it stands on the label"))
+            }
+            problem => problem,
+        };
+        if let Some((why, hint)) = problem {
+            return Err(CommandRefusal::new(format!("the {what} {} {why}", quoted(text)), hint));
+        }
+    }
+    Ok(Some(PartName::new(number.trim(), revision.map(str::trim))))
 }
 
 /// What a bad item means for the rest.

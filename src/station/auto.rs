@@ -82,6 +82,7 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     let request = RunRequest {
         plan,
         serial_number,
+        part: args.part()?,
         operator,
         selection: args.only.clone(),
         program: program(),

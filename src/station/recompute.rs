@@ -3,6 +3,7 @@
 
 mod again;
 mod differences;
+mod limits;
 mod passports;
 mod source;
 

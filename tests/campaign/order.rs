@@ -41,6 +41,7 @@ pub(super) fn order(
     let request = RunRequest {
         plan: plan.map_err(|mistakes| said(&mistakes))?,
         serial_number: "T-1".to_owned(),
+        part: None,
         operator: None,
         selection: None,
         program: ProgramVersion {

@@ -10,9 +10,10 @@ use crate::catalogue::ItemId;
 /// The schema of records, which holds the shared descriptions.
 const RUN_SCHEMA: &str = include_str!("../../../docs/run.schema.json");
 /// The shared descriptions.
-const SHARED: [&str; 12] = [
+const SHARED: [&str; 13] = [
     "outcome",
     "plan",
+    "part",
     "site",
     "recomputed",
     "program",
@@ -166,6 +167,25 @@ fn kinds(run: &Value) -> Vec<(&'static str, &'static str, Vec<Field>)> {
                 ("found", true, text("The serial number that the module in the socket says.")),
             ],
         ),
+        (
+            "limits_chosen",
+            "The plan has limits by part number, and the station chose those for the module: at most once, before the first item.",
+            vec![
+                (
+                    "part",
+                    true,
+                    nullable_shared(
+                        "The table of the plan that counts, as the plan names it; null if only the limits of the items count.",
+                        "part",
+                    ),
+                ),
+                (
+                    "module",
+                    true,
+                    shared("part", "What the module says that it is, or what was asked for if it says nothing."),
+                ),
+            ],
+        ),
         ("power", "The module's supply was switched.", power()),
         ("item_started", "An attempt of an item begins.", of_attempt([])),
         (
@@ -299,6 +319,11 @@ fn header() -> Value {
             json!({ "description": "Version of the form of all events of the run.", "enum": [EVENTS_SCHEMA, SELECTION_SCHEMA] }),
         ),
         ("serial_number", true, text("Serial number as scanned or typed in; it may hold any character.")),
+        (
+            "part",
+            false,
+            shared("part", "The part number that was asked for, with its revision if one was; absent if none was."),
+        ),
         ("operator", true, nullable("Who tests; null if not given.", "string")),
         ("station", true, text("Id of the station.")),
         ("program", true, shared("program", "The program that runs the test.")),

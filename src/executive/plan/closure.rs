@@ -7,6 +7,7 @@ use gnc_config::{Mistake, Mistakes, SourceText, Span, TomlTable, Walk, did_you_m
 use gnc_text::{printable, quoted};
 
 use super::item::{self, NAME_CHARACTERS, RawItem, check_name};
+use super::part::{self, Known, RawTable};
 use super::resume::{self, ResumeRules};
 use super::{
     DEFAULT_VALID_DAYS, MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, MAX_REQUIRED_PLANS,
@@ -23,6 +24,7 @@ struct Reader<'l> {
     load: &'l mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
     sources: Vec<SourceText>,
     items: Vec<RawItem>,
+    parts: Vec<RawTable>,
     /// Whether an item or include could not be read; an unknown name may then be right.
     unreadable: bool,
     mistakes: Mistakes,
@@ -38,6 +40,7 @@ struct Head {
     valid_days: u32,
     resume: ResumeRules,
     serial_number: Option<SerialNumberPattern>,
+    requires_part: bool,
 }
 
 /// Reads the plan, its includes first.
@@ -48,9 +51,16 @@ pub(super) fn read(
 ) -> Result<Plan, Mistakes> {
     let source = SourceText::new(name, bytes, MAX_PLAN_BYTES)?;
     let sources = vec![source];
-    let mut reader = Reader { load, sources, items: Vec::new(), unreadable: false, mistakes: Mistakes::default() };
+    let mut reader = Reader {
+        load,
+        sources,
+        items: Vec::new(),
+        parts: Vec::new(),
+        unreadable: false,
+        mistakes: Mistakes::default(),
+    };
     let head = reader.file(0, &mut vec![0])?;
-    let Reader { sources, items, unreadable, mut mistakes, .. } = reader;
+    let Reader { sources, items, parts, unreadable, mut mistakes, .. } = reader;
     if items.len() > MAX_ITEMS {
         let what = format!("the plan has {} items, and at most {MAX_ITEMS} are run", items.len());
         mistakes.add(|| Mistake::nowhere(what, "use repeats, or a loop over a shorter plan"));
@@ -59,7 +69,13 @@ pub(super) fn read(
         mistakes.add(|| Mistake::nowhere("the plan has no items", "begin each item with a line [[item]]"));
     }
     let items = link(items, &sources, unreadable, &mut mistakes);
-    let Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number } = head;
+    let Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number, requires_part } =
+        head;
+    if requires_part && parts.is_empty() && !unreadable {
+        let what = "the plan requires a part that it names, and names none";
+        mistakes.add(|| Mistake::nowhere(what, "name parts by [part.NAME.limits], or remove requires_part"));
+    }
+    let parts = part::link(parts, &items, &sources, requires_part, &mut mistakes);
     mistakes.or(Plan {
         name,
         version,
@@ -69,7 +85,9 @@ pub(super) fn read(
         valid_days,
         resume,
         serial_number,
+        requires_part,
         items,
+        parts,
         sources,
     })
 }
@@ -86,6 +104,7 @@ impl Reader<'_> {
         let head = head(&walk, &root);
         let includes = root.texts("include");
         let tables = root.tables("item");
+        let has_parts = root.entry("part").is_some();
         if !root.has("item") && !root.has("include") {
             walk.mistake(root.span(), "the plan has no items", "begin each item with a line [[item]]");
         }
@@ -98,6 +117,14 @@ impl Reader<'_> {
             self.include(&source, include, span, chain)?;
         }
         self.items.extend(own);
+        if has_parts {
+            // Only now the items that the tables of parts name are known.
+            let walk = Walk::new(&source, std::mem::take(&mut self.mistakes));
+            let root = TomlTable::new(&walk, &tree, 0..0);
+            let known = Known { items: &self.items, unreadable: self.unreadable, source: index };
+            self.parts.extend(part::read(&walk, &root, &known));
+            self.mistakes = walk.into_mistakes();
+        }
         Ok(head)
     }
 
@@ -179,7 +206,8 @@ fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
     let resume = resume::read(root.table("resume"));
     let version = version.unwrap_or_default();
     let serial_number = serial_number::pattern(root);
-    Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number }
+    let requires_part = root.flag("requires_part");
+    Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number, requires_part }
 }
 
 /// Names of the plans that the module must have passed before the plan `name`.

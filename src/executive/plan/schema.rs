@@ -60,6 +60,30 @@ pub fn plan_schema() -> Value {
                 "description": "Days for which a pass of this plan, and of those that it requires, counts for a module.",
                 "type": "integer", "minimum": 1, "maximum": MAX_VALID_DAYS, "default": DEFAULT_VALID_DAYS
             },
+            "requires_part": {
+                "description": "If true, the station refuses modules whose part number has no table.",
+                "type": "boolean"
+            },
+            "part": {
+                "description": "Limits for modules by the part number that they say, in place of the limits of the items.",
+                "type": "object",
+                "additionalProperties": {
+                    "type": "object",
+                    "additionalProperties": false,
+                    "properties": {
+                        "limits": { "$ref": "#/$defs/limits_of_part" },
+                        "revision": {
+                            "description": "Limits for modules with this hardware revision, in place of those of the part.",
+                            "type": "object",
+                            "additionalProperties": {
+                                "type": "object",
+                                "additionalProperties": false,
+                                "properties": { "limits": { "$ref": "#/$defs/limits_of_part" } }
+                            }
+                        }
+                    }
+                }
+            },
             "item": {
                 "description": "The items, in the order in which they run.",
                 "type": "array",
@@ -72,6 +96,14 @@ pub fn plan_schema() -> Value {
                 "description": "<= Q, >= Q, Q .. Q, Q +- Q, Q +- N %, == text; Q is a number with its unit",
                 "type": "string",
                 "pattern": "^\\s*(<=|>=|==|.*\\.\\.|.*\\+-)"
+            },
+            "limits_of_part": {
+                "description": "The names of items, below each its measurements with their limits.",
+                "type": "object",
+                "additionalProperties": {
+                    "type": "object",
+                    "additionalProperties": { "$ref": "#/$defs/limit_or_band" }
+                }
             },
             "limit_or_band": {
                 "anyOf": [

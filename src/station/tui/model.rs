@@ -13,6 +13,7 @@ use gnc_executive::catalogue::TEMPERATURE_DRIFT;
 use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::limit::Limit;
 use gnc_executive::outcome::Outcome;
+use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::Standing;
@@ -154,12 +155,26 @@ pub(crate) struct PlanView {
     pub items: Vec<PlannedItem>,
     /// The programs of the items that capture.
     pub programs: Vec<ProgramView>,
+    /// The limits of temperature drifts for each part that has limits of its own, by item.
+    pub drift_limits_of_parts: Vec<(PartName, Vec<(String, Option<Limit>)>)>,
     /// The part that the plan is for, if the plan names one.
     pub part: Option<String>,
     /// What serial numbers must match for this plan.
     pub serial_number: Option<SerialNumberPattern>,
     /// Seconds that the last whole run took.
     pub expected_s: Option<f64>,
+}
+
+impl PlanView {
+    /// The limit of the temperature's drift in an item by the limits that were chosen for the module.
+    pub(crate) fn drift_limit(&self, item: &str, chosen: Option<&LimitsChosen>) -> Option<&Limit> {
+        let part = chosen.and_then(|chosen| chosen.part.as_ref());
+        let limits = part.and_then(|part| self.drift_limits_of_parts.iter().find(|(other, _)| other == part));
+        match limits {
+            Some((_, limits)) => limits.iter().find(|(name, _)| name == item)?.1.as_ref(),
+            None => self.programs.iter().find(|program| program.item == item)?.drift_limit.as_ref(),
+        }
+    }
 }
 
 /// The program of an item that captures, as far as it is known beforehand.

@@ -67,6 +67,7 @@ impl Scene {
             sha256: "00".repeat(32),
             items: items(),
             programs: Vec::new(),
+            drift_limits_of_parts: Vec::new(),
             part: Some("GNC-POP-26".into()),
             serial_number: None,
             expected_s: Some(4.8),
@@ -366,6 +367,7 @@ fn header(serial_number: &str, plan: &str) -> RunHeader {
     RunHeader {
         schema: EVENTS_SCHEMA.into(),
         serial_number: serial_number.into(),
+        part: None,
         operator: Some("Zhang Wei".into()),
         station: "line-2".into(),
         program: ProgramVersion { name: "gnc-station".into(), version: "0.1.0".into(), build: None },

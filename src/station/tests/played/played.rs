@@ -24,6 +24,15 @@ pub(crate) fn run_plan(
     options: &BenchOptions,
     watch: impl Fn(&Event, &RunControl) + Send + 'static,
 ) -> RunState {
+    run_request(&request(plan), options, watch)
+}
+
+/// Carries out a request for one run. `watch` sees every event and may ask for anything. Returns the run as it ended.
+pub(crate) fn run_request(
+    request: &RunRequest,
+    options: &BenchOptions,
+    watch: impl Fn(&Event, &RunControl) + Send + 'static,
+) -> RunState {
     let (told, events) = mpsc::sync_channel(1000);
     let control = RunControl::default();
     let asks = control.clone();
@@ -35,7 +44,7 @@ pub(crate) fn run_plan(
         }
         state
     });
-    let done = serve(&request(plan), options, &control, Told { events: Some(told) });
+    let done = serve(request, options, &control, Told { events: Some(told) });
     assert_eq!(done.expect("a run").verdicts.len(), 1);
     observer.join().expect("an observer")
 }
@@ -46,6 +55,7 @@ pub(crate) fn request(plan: &str) -> RunRequest {
     RunRequest {
         plan: plan.and_then(CheckedPlan::new).unwrap_or_else(|mistakes| panic!("{mistakes}")),
         serial_number: "SN".to_owned(),
+        part: None,
         operator: None,
         selection: None,
         program: ProgramVersion { name: "control".to_owned(), version: "0".to_owned(), build: None },

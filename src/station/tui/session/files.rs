@@ -7,6 +7,8 @@ use gnc_bench::service::CheckedPlan;
 use gnc_executive::catalogue::processor::PART;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
+use gnc_executive::part::PartName;
+use gnc_executive::plan::Plan;
 use gnc_records::shift::last_operator;
 
 use super::{archive, told};
@@ -124,8 +126,26 @@ fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanVi
     let job = Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
     let sha256 = checked.sha256().to_owned();
     let (items, serial_number) = (job.planned(), plan.serial_number.clone());
-    let view = PlanView { name, version, sha256, items, programs, part, serial_number, expected_s: None };
+    let drift_limits_of_parts = plan.parts().filter_map(|part| drift_limits(plan, part)).collect();
+    let view = PlanView {
+        name,
+        version,
+        sha256,
+        items,
+        programs,
+        drift_limits_of_parts,
+        part,
+        serial_number,
+        expected_s: None,
+    };
     Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))
+}
+
+/// The limits of temperature drifts for a part, by item.
+fn drift_limits(plan: &Plan, part: &PartName) -> Option<(PartName, Vec<(String, Option<Limit>)>)> {
+    let plan = plan.with_limits_of(part)?;
+    let programs = plan.items().iter().filter_map(ProgramView::of);
+    Some((part.clone(), programs.map(|program| (program.item, program.drift_limit)).collect()))
 }
 
 /// The name of the bench in the form.

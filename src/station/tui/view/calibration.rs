@@ -125,8 +125,8 @@ fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: u
 /// the operator can stop a capture of an hour that cannot pass any more.
 fn heat_lines(model: &ScreenModel, item: &str, heat: &HeatView, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
-    let programs = model.plan.ready().map_or(&[][..], |plan| &plan.programs);
-    let limit = programs.iter().find(|program| program.item == item).and_then(|program| program.drift_limit.as_ref());
+    let chosen = model.run.as_ref().and_then(|run| run.state.limits());
+    let limit = model.plan.ready().and_then(|plan| plan.drift_limit(item, chosen));
     let most_k = match limit {
         Some(Limit::Range(range)) if range.unit == Unit::DegreeCelsius => range.high,
         _ => None,
