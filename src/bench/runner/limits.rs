@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use gnc_board::{BoardError, BoardLease};
-use gnc_executive::event::{EventKind, NoteLevel};
+use gnc_executive::event::EventKind;
 use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::plan::Plan;
 use gnc_protocol::FaultCode;
@@ -63,7 +63,6 @@ impl Run<'_> {
         let plan = chosen.part.as_ref().and_then(|part| job.plan().with_limits_of(part));
         let judging = plan.map_or_else(|| job.clone(), |plan| job.judged_by(plan));
         self.journal.emit(EventKind::LimitsChosen(chosen.clone())).await?;
-        self.note(NoteLevel::Info, format!("limits: {chosen}"), None).await?;
         if let Err(text) = self.are_resumed(&chosen) {
             return Ok(Err(text));
         }

@@ -169,6 +169,8 @@ pub(crate) struct Texts {
     pub scan_too_long: &'static str,
     pub scan_control: &'static str,
     pub other_module: &'static str,
+    pub limits_of_part: &'static str,
+    pub limits_of_plan: &'static str,
     pub scan_misfit: &'static str,
     pub scanner_lost: &'static str,
     pub scanner_back: &'static str,

@@ -103,6 +103,8 @@ pub(super) static TEXTS: Texts = Texts {
     scan_too_long: "The scan has {} characters, at most {} are allowed: scan the label again.",
     scan_control: "The scan contains control characters: scan the label again.",
     other_module: "NOT THE SCANNED MODULE: {} is in the socket, {} was scanned.",
+    limits_of_part: "Limits of part {}.",
+    limits_of_plan: "Limits of the plan: it has none of its own for part {}.",
     scan_misfit: "{} is no serial number here, it must fit {}: scan the label again.",
     scanner_lost: "The scanner is not there, so type the number: {}",
     scanner_back: "The scanner at {} is there again.",

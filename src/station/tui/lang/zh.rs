@@ -104,6 +104,8 @@ pub(super) static TEXTS: Texts = Texts {
     scan_too_long: "扫描内容有 {} 个字符，最多 {} 个：请重新扫描标签。",
     scan_control: "扫描内容含有控制字符：请重新扫描标签。",
     other_module: "不是所扫描的模块：插座中是 {}，扫描的是 {}。",
+    limits_of_part: "采用型号 {} 的限值。",
+    limits_of_plan: "采用方案的限值：其中没有型号 {} 的专用限值。",
     scan_misfit: "{} 不是此处的序列号，应符合 {}：请重新扫描标签。",
     scanner_lost: "扫描枪不可用，请手工输入序列号：{}",
     scanner_back: "{} 上的扫描枪已恢复。",

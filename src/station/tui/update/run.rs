@@ -4,6 +4,7 @@ use std::path::Path;
 
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::{Event, EventKind, OtherModule};
+use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
@@ -38,6 +39,14 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         let [scanned, found] = [scanned, found].map(|text| gnc_text::printable(text).into_owned());
         let told = words(model.texts.other_module, &[&found, &scanned]);
         model.say(MessageWeight::Error, told);
+        return None;
+    }
+    if let EventKind::LimitsChosen(LimitsChosen { part, module }) = &event.kind {
+        let told = match part {
+            Some(part) => words(model.texts.limits_of_part, &[&part_shown(part)]),
+            None => words(model.texts.limits_of_plan, &[&part_shown(module)]),
+        };
+        model.say(MessageWeight::Info, told);
         return None;
     }
     if let EventKind::ItemStarted { item, .. } = &event.kind
@@ -139,5 +148,17 @@ pub(super) fn refolded(model: &mut ScreenModel, folder: &Path, state: RunState) 
         }
         run.state = state;
         run.events_lost = false;
+    }
+}
+
+/// A part with its revision, in no language.
+fn part_shown(part: &PartName) -> String {
+    let known = |text: &str| match text.trim() {
+        "" => "-".to_owned(),
+        text => gnc_text::printable(text).into_owned(),
+    };
+    match &part.revision {
+        Some(revision) => format!("{} / {}", known(&part.number), known(revision)),
+        None => known(&part.number),
     }
 }
