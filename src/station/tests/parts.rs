@@ -250,3 +250,26 @@ fn plan_check_shows_the_limits_for_a_part() {
         assert_eq!(code, Some(2), "{part}: {text}");
     }
 }
+
+#[test]
+fn a_board_that_cannot_measure_what_a_part_needs_is_told_and_a_resume_needs_the_same_limits() {
+    let place = Place::new("GNC/POP-26.B", "C");
+    place.write("plan.toml", &PLAN.replace("supply_current = \"<= 0.3 A\"", "protocol = \"== 1\""));
+    let module = |hardware: &str| {
+        let text =
+            format!("description = \"part\"\n{}[board]\nno_power_switch = true\n", says("GNC/POP-26.B", hardware));
+        place.write("module.toml", &text);
+    };
+    module("C");
+    let done = place.auto("");
+    assert_eq!(done.status.code(), Some(3), "{}", said(&done));
+    assert!(place.read("log.txt").contains("the limits part GNC/POP-26.B cannot be kept"), "{}", place.read("log.txt"));
+    let run = place.run().display().to_string();
+    // The module was reworked meanwhile.
+    module("D");
+    let done = place.auto(&format!("--resume {run}"));
+    assert_eq!(done.status.code(), Some(3), "{}", said(&done));
+    let log = place.read("log.txt");
+    let told = "the run to resume had the limits part GNC/POP-26.B, this run has part GNC/POP-26.B rev D";
+    assert!(log.contains(told), "{log}");
+}
