@@ -16,6 +16,7 @@ use gnc_config::Mistakes;
 use gnc_executive::bench::BenchSite;
 use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader, events_form};
 use gnc_executive::job::{BenchAbilities, Job};
+use gnc_executive::numbers::{self, NumberError, NumberField};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::PartName;
 use gnc_executive::plan::OnFail;
@@ -25,6 +26,7 @@ use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::resume::{Like, ResumeError, Resumed};
+use gnc_records::reuse::{self, Reused};
 use gnc_records::standing;
 use gnc_records::store::reader;
 use gnc_records::store::{RecordWriter, RunFolder, StationKey, StoreError, Watcher, seal_interrupted};
@@ -61,6 +63,8 @@ pub struct Equipment {
     pub site: Option<BenchSite>,
     /// What the serial number of each module must match on this bench.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Numbers beside it that each run on this bench is asked for.
+    pub numbers: Vec<NumberField>,
     /// Whether a person says that the clock is right, whatever speaks against it.
     pub clock_is_right: bool,
 }
@@ -74,6 +78,8 @@ pub struct RunRequest {
     pub serial_number: String,
     /// The part that the module must be; it is compared with what the module says.
     pub part: Option<PartName>,
+    /// Numbers of orders, sub-units and others: their keys in plan or bench file, and the numbers.
+    pub numbers: Vec<(String, String)>,
     /// The person who tests.
     pub operator: Option<String>,
     /// Names of the chosen items; `None` for the whole plan.
@@ -154,6 +160,9 @@ pub enum ServiceError {
         /// "plan" or "bench".
         of: &'static str,
     },
+    /// A number of an order, a sub-unit or another one is none of this bench or this plan.
+    #[error(transparent)]
+    Number(#[from] NumberError),
     /// The earlier run cannot be taken up.
     #[error(transparent)]
     Resume(#[from] ResumeError),
@@ -181,7 +190,14 @@ pub enum ServiceError {
 impl ServiceError {
     /// What the operator can try; may be empty.
     #[must_use]
-    pub fn try_this(&self) -> &'static str {
+    pub fn try_this(&self) -> String {
+        if let Self::Number(error) = self {
+            return error.try_this();
+        }
+        self.usual_hint().to_owned()
+    }
+
+    fn usual_hint(&self) -> &'static str {
         match self {
             Self::Resume(error) => error.try_this(),
             Self::Clock(error) => error.try_this(),
@@ -193,7 +209,7 @@ impl ServiceError {
             Self::SerialNumber { .. } => {
                 "scan the module's label again; if it is right, correct serial_number of the plan or bench"
             }
-            Self::Unfit(_) | Self::Observer(_) => "",
+            Self::Unfit(_) | Self::Observer(_) | Self::Number(_) => "",
         }
     }
 }
@@ -254,6 +270,13 @@ pub async fn run(
     Ok(RunsDone { verdicts, refused: None })
 }
 
+/// What the log says of a sub-unit that is built into another module.
+fn in_words(reused: &Reused) -> String {
+    let Reused { number, serial_number, run } = reused;
+    let serial_number = gnc_text::printable(serial_number);
+    format!("{number} is in module {serial_number} too, which passed with it ({run}): compare the labels")
+}
+
 /// The parts that stay the same from round to round.
 struct Ready {
     order: RunOrder,
@@ -275,6 +298,7 @@ impl Ready {
             fixture,
             site,
             serial_number,
+            numbers: asked,
             clock_is_right,
         } = equipment;
         for (of, pattern) in [("bench", &serial_number), ("plan", &request.plan.plan().serial_number)] {
@@ -283,6 +307,7 @@ impl Ready {
                 return Err(ServiceError::SerialNumber { serial_number, pattern, of });
             }
         }
+        let numbers = numbers::check(&asked, &request.plan.plan().numbers, &request.numbers)?;
         let mut plan = request.plan.plan().clone();
         if let Some(on_fail) = request.on_fail {
             plan.on_fail = on_fail;
@@ -297,6 +322,7 @@ impl Ready {
             schema: events_form(request.selection.as_deref()).to_owned(),
             serial_number: request.serial_number.clone(),
             part: request.part.clone(),
+            numbers,
             operator: request.operator.clone(),
             station,
             program: request.program.clone(),
@@ -317,7 +343,8 @@ impl Ready {
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, Like::header(&header))).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
-        let found = seal_interrupted(&records, key.as_ref());
+        let mut found = seal_interrupted(&records, key.as_ref());
+        found.extend(reuse::of(&records, &header).iter().map(in_words));
         let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
         Ok(Self { order, records, key, clock_is_right })
     }

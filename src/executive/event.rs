@@ -14,6 +14,7 @@ use crate::bench::BenchSite;
 use crate::catalogue::ItemId;
 use crate::details::Details;
 use crate::measurement::Measurement;
+use crate::numbers::GivenNumber;
 use crate::outcome::{Cause, Outcome};
 use crate::part::{LimitsChosen, PartName};
 use crate::plan::Phase;
@@ -189,6 +190,9 @@ pub struct RunHeader {
     /// The part number that was asked for, with its revision if one was; absent if none was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<PartName>,
+    /// Numbers of orders, sub-units and others, as plan or bench asked for them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub numbers: Vec<GivenNumber>,
     /// Who tests.
     pub operator: Option<String>,
     /// Which station.

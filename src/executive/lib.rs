@@ -18,6 +18,7 @@ pub mod journal;
 pub mod limit;
 pub mod measurement;
 mod number;
+pub mod numbers;
 pub mod outcome;
 pub mod part;
 pub mod plan;

@@ -15,6 +15,10 @@
 //!
 //! requires_part = false              # true: only modules whose part number has a table below
 //!
+//! [numbers.order]                    # a number that is asked for beside the serial number, see `numbers.rs`
+//! kind = "order"
+//! pattern = "PO-[0-9]{4}"
+//!
 //! [resume]                           # of a run that takes over captures: it waits for the module's temperature
 //! wait = "30 min"                    # at most so long in all
 //! within = "0.5 degC"                # of what those captures had at their end
@@ -62,6 +66,7 @@ use serde::{Deserialize, Serialize};
 use crate::catalogue::{Device, ItemId, MeasurementSpec};
 use crate::limit::Limit;
 use crate::measurement::{Measurement, Value};
+use crate::numbers::NumberField;
 use crate::outcome::Outcome;
 use crate::part::{LimitsChosen, PartName};
 use crate::quantity::Unit;
@@ -115,6 +120,8 @@ pub struct Plan {
     pub serial_number: Option<SerialNumberPattern>,
     /// Whether only modules are tested whose part number has a table.
     pub requires_part: bool,
+    /// Numbers beside the serial number that every run is asked for.
+    pub numbers: Vec<NumberField>,
     items: Vec<PlanItem>,
     parts: Vec<part::PartLimits>,
     sources: Vec<SourceText>,

@@ -13,6 +13,7 @@ use crate::event::{
     PlannedItem, ProgramVersion, StopHow,
 };
 use crate::measurement::Measurement;
+use crate::numbers::GivenNumber;
 use crate::outcome::{Cause, Outcome};
 use crate::part::{LimitsChosen, PartName};
 use crate::plan::Phase;
@@ -38,6 +39,9 @@ pub struct RunRecord {
     /// The part number that was asked for, with its revision if one was; absent if none was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<PartName>,
+    /// Numbers of orders, sub-units and others, as plan or bench asked for them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub numbers: Vec<GivenNumber>,
     /// The plan that was followed.
     pub plan: PlanInfo,
     /// The limits that were chosen by the module's part number; absent if the plan has no such limits.
@@ -221,6 +225,7 @@ impl RunRecord {
             interrupted,
             serial_number: header.serial_number,
             part: header.part,
+            numbers: header.numbers,
             plan: header.plan,
             limits: state.limits().cloned(),
             site: header.site,

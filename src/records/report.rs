@@ -109,6 +109,9 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
             page.fact(name, &value);
         }
     }
+    for number in &record.numbers {
+        page.fact(&number.label, &number.value);
+    }
     page.close("table");
 }
 

@@ -102,6 +102,9 @@ pub(crate) struct RunArgs {
     /// Hardware revision that the module must have; `-` for none.
     #[arg(long, value_name = "REV", requires = "part", allow_hyphen_values = true)]
     pub revision: Option<String>,
+    /// A number that plan or bench file ask for beside the serial number, by its key: order=PO-1234.
+    #[arg(long = "number", value_name = "KEY=NUMBER", value_parser = parse_number)]
+    pub numbers: Vec<(String, String)>,
     /// Name of the operator.
     #[arg(long, value_name = "NAME")]
     pub operator: Option<String>,
@@ -191,6 +194,11 @@ impl From<OnFailArg> for OnFail {
             OnFailArg::Continue => Self::Continue,
         }
     }
+}
+
+fn parse_number(text: &str) -> Result<(String, String), String> {
+    let (key, number) = text.split_once('=').ok_or_else(|| "write KEY=NUMBER, like order=PO-1234".to_owned())?;
+    Ok((key.trim().to_owned(), number.trim().to_owned()))
 }
 
 fn parse_time(text: &str) -> Result<std::time::Duration, String> {

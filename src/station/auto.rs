@@ -83,6 +83,7 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         plan,
         serial_number,
         part: args.part()?,
+        numbers: args.numbers.clone(),
         operator,
         selection: args.only.clone(),
         program: program(),
@@ -145,9 +146,9 @@ pub(crate) async fn all_rounds(
     let done = match service::run(request, equipment, &control, &live, &mut shown).await {
         // Command line, plan and bench are in order; it is this module that cannot be judged now.
         Err(error @ ServiceError::Requires { .. }) => {
-            complain(with_causes(&error), error.try_this());
+            complain(with_causes(&error), &error.try_this());
             if let Some(junit) = shown.junit {
-                junit.refused(&with_causes(&error), error.try_this());
+                junit.refused(&with_causes(&error), &error.try_this());
             }
             return Ok(Verdict::new(Outcome::Errored, request.selection.is_some()));
         }
@@ -160,9 +161,9 @@ pub(crate) async fn all_rounds(
         }
     }
     if let Some(refused) = &done.refused {
-        complain(with_causes(refused), refused.try_this());
+        complain(with_causes(refused), &refused.try_this());
         if let Some(junit) = shown.junit {
-            junit.refused(&with_causes(refused), refused.try_this());
+            junit.refused(&with_causes(refused), &refused.try_this());
         }
     }
     if done.verdicts.len() > 1 {
@@ -187,7 +188,7 @@ fn counts(ends: &[Verdict]) -> String {
 
 /// The refusal of a request that the service does not carry out.
 fn refusal(error: &ServiceError) -> CommandRefusal {
-    CommandRefusal::new(with_causes(error), error.try_this())
+    CommandRefusal::new(with_causes(error), &error.try_this())
 }
 
 /// Shows each round, on a thread of its own.

@@ -12,6 +12,7 @@ mod lang;
 mod live;
 mod look;
 mod model;
+mod numbers;
 mod pending;
 mod records;
 mod scene;
@@ -152,6 +153,7 @@ fn first_model(
 ) -> ScreenModel {
     let (lang, look) = look::choose(&look::Environment::read(), args.lang);
     let mut model = ScreenModel::new(lang, look, clock.now());
+    model.numbers = numbers::Numbers::new(args.numbers.clone());
     model.operator = args.operator.clone().unwrap_or_default();
     model.plan_path = plan.map(|plan| plan.display().to_string()).unwrap_or_default();
     model.plan = Loaded::Loading;

@@ -42,6 +42,7 @@ pub(super) fn order(
         plan: plan.map_err(|mistakes| said(&mistakes))?,
         serial_number: "T-1".to_owned(),
         part: None,
+        numbers: Vec::new(),
         operator: None,
         selection: None,
         program: ProgramVersion {
@@ -67,6 +68,7 @@ pub(super) fn order(
         fixture,
         site: file.site,
         serial_number: None,
+        numbers: Vec::new(),
         clock_is_right: false,
     };
     Ok(Ordered { request, equipment })

@@ -10,10 +10,11 @@ use crate::catalogue::ItemId;
 /// The schema of records, which holds the shared descriptions.
 const RUN_SCHEMA: &str = include_str!("../../../docs/run.schema.json");
 /// The shared descriptions.
-const SHARED: [&str; 13] = [
+const SHARED: [&str; 14] = [
     "outcome",
     "plan",
     "part",
+    "numbers",
     "site",
     "recomputed",
     "program",
@@ -324,6 +325,7 @@ fn header() -> Value {
             false,
             shared("part", "The part number that was asked for, with its revision if one was; absent if none was."),
         ),
+        ("numbers", false, shared("numbers", "Numbers of orders, sub-units and others; absent if none were given.")),
         ("operator", true, nullable("Who tests; null if not given.", "string")),
         ("station", true, text("Id of the station.")),
         ("program", true, shared("program", "The program that runs the test.")),

@@ -14,6 +14,7 @@ use super::{
     MAX_VALID_DAYS, OnFail, Plan, PlanItem,
 };
 use crate::catalogue::ParamKind;
+use crate::numbers::{self, NumberField};
 use crate::serial_number::{self, SerialNumberPattern};
 
 /// Bytes of a path: the limit of most systems.
@@ -41,6 +42,7 @@ struct Head {
     resume: ResumeRules,
     serial_number: Option<SerialNumberPattern>,
     requires_part: bool,
+    numbers: Vec<NumberField>,
 }
 
 /// Reads the plan, its includes first.
@@ -69,8 +71,18 @@ pub(super) fn read(
         mistakes.add(|| Mistake::nowhere("the plan has no items", "begin each item with a line [[item]]"));
     }
     let items = link(items, &sources, unreadable, &mut mistakes);
-    let Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number, requires_part } =
-        head;
+    let Head {
+        name,
+        version,
+        description,
+        on_fail,
+        requires_plan,
+        valid_days,
+        resume,
+        serial_number,
+        requires_part,
+        numbers,
+    } = head;
     if requires_part && parts.is_empty() && !unreadable {
         let what = "the plan requires a part that it names, and names none";
         mistakes.add(|| Mistake::nowhere(what, "name parts by [part.NAME.limits], or remove requires_part"));
@@ -86,6 +98,7 @@ pub(super) fn read(
         resume,
         serial_number,
         requires_part,
+        numbers,
         items,
         parts,
         sources,
@@ -205,9 +218,21 @@ fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
     let valid_days = u32::try_from(valid_days).unwrap_or(DEFAULT_VALID_DAYS);
     let resume = resume::read(root.table("resume"));
     let version = version.unwrap_or_default();
-    let serial_number = serial_number::pattern(root);
+    let serial_number = serial_number::pattern(root, "serial_number", "SN-[0-9]{4}");
     let requires_part = root.flag("requires_part");
-    Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number, requires_part }
+    let numbers = numbers::read(root);
+    Head {
+        name,
+        version,
+        description,
+        on_fail,
+        requires_plan,
+        valid_days,
+        resume,
+        serial_number,
+        requires_part,
+        numbers,
+    }
 }
 
 /// Names of the plans that the module must have passed before the plan `name`.

@@ -60,6 +60,40 @@ pub fn plan_schema() -> Value {
                 "description": "Days for which a pass of this plan, and of those that it requires, counts for a module.",
                 "type": "integer", "minimum": 1, "maximum": MAX_VALID_DAYS, "default": DEFAULT_VALID_DAYS
             },
+            "numbers": {
+                "description": "Numbers that are asked for beside the serial number, by their keys.",
+                "type": "object",
+                "propertyNames": { "pattern": "^[a-z0-9_-]{1,24}$" },
+                "additionalProperties": {
+                    "type": "object",
+                    "additionalProperties": false,
+                    "properties": {
+                        "kind": {
+                            "description": "order: it stays until it is changed. subunit: it is in one module only.",
+                            "enum": ["order", "subunit", "free"]
+                        },
+                        "label": {
+                            "description": "Its name for people, in all languages or for each.",
+                            "anyOf": [
+                                { "type": "string" },
+                                {
+                                    "type": "object",
+                                    "additionalProperties": false,
+                                    "properties": {
+                                        "en": { "type": "string" },
+                                        "zh": { "type": "string" },
+                                        "ru": { "type": "string" }
+                                    }
+                                }
+                            ]
+                        },
+                        "pattern": {
+                            "description": "A regular expression that the whole number matches.", "type": "string"
+                        },
+                        "required": { "description": "If true, no run begins without it.", "type": "boolean" }
+                    }
+                }
+            },
             "requires_part": {
                 "description": "If true, the station refuses modules whose part number has no table.",
                 "type": "boolean"

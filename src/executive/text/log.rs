@@ -65,6 +65,9 @@ fn head(out: &mut String, record: &RunRecord) {
     if let Some(limits) = &record.limits {
         line("Limits", &limits.to_string());
     }
+    for number in &record.numbers {
+        line("Number", &number.to_string());
+    }
     line("Station", &record.station);
     line("Operator", record.operator.as_deref().unwrap_or("not given"));
     line("Program", &record.program.to_string());

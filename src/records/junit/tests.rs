@@ -164,6 +164,7 @@ fn record(outcome: Outcome, items: Vec<ItemRecord>) -> RunRecord {
         interrupted: false,
         serial_number: "SN-\u{7}\"<1>".to_owned(),
         part: None,
+        numbers: Vec::new(),
         limits: None,
         plan: gnc_executive::event::PlanInfo {
             name: "functional".to_owned(),

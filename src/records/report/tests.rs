@@ -27,6 +27,7 @@ fn record(serial_number: &str) -> RunRecord {
         schema: EVENTS_SCHEMA.to_owned(),
         serial_number: serial_number.to_owned(),
         part: None,
+        numbers: Vec::new(),
         operator: Some(HOSTILE.to_owned()),
         station: "line-2".to_owned(),
         program: ProgramVersion { name: "gnc-station".to_owned(), version: "0".to_owned(), build: None },

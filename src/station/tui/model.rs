@@ -12,6 +12,7 @@ use gnc_bench::guidance::Guidance;
 use gnc_executive::catalogue::TEMPERATURE_DRIFT;
 use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::limit::Limit;
+use gnc_executive::numbers::NumberField;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::plan::{Phase, PlanItem};
@@ -24,6 +25,7 @@ use gnc_records::shift::Shift;
 use super::field::InputField;
 use super::keymap::KeyContext;
 use super::lang::{Lang, Texts};
+use super::numbers::Numbers;
 use super::pending::{Interrupted, PendingStart};
 use super::records::Records;
 use crate::files::ChangedFile;
@@ -115,6 +117,8 @@ pub(crate) struct BenchView {
     pub bell: bool,
     /// What serial numbers must match on this bench.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Numbers beside it that each run on this bench is asked for.
+    pub numbers: Vec<NumberField>,
 }
 
 /// The operator, if the command line names none.
@@ -161,6 +165,8 @@ pub(crate) struct PlanView {
     pub part: Option<String>,
     /// What serial numbers must match for this plan.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Numbers beside it that each run of this plan is asked for.
+    pub numbers: Vec<NumberField>,
     /// Seconds that the last whole run took.
     pub expected_s: Option<f64>,
 }
@@ -385,6 +391,8 @@ pub(crate) struct ScreenModel {
     pub plan: Loaded<PlanView>,
     pub plan_path: String,
     pub operator: String,
+    /// Numbers of orders, sub-units and others.
+    pub numbers: Numbers,
     pub rounds: RoundsSetting,
     pub after_failure: AfterFailure,
     pub scan: Scan,
@@ -432,6 +440,7 @@ impl ScreenModel {
             plan: Loaded::Loading,
             plan_path: String::new(),
             operator: String::new(),
+            numbers: Numbers::default(),
             rounds: RoundsSetting::Once,
             after_failure: AfterFailure::AsPlanned,
             scan: Scan::default(),

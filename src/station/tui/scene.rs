@@ -60,6 +60,7 @@ impl Scene {
             operator_required: false,
             bell: false,
             serial_number: None,
+            numbers: Vec::new(),
         };
         let plan = PlanView {
             name: "functional".into(),
@@ -70,6 +71,7 @@ impl Scene {
             drift_limits_of_parts: Vec::new(),
             part: Some("GNC-POP-26".into()),
             serial_number: None,
+            numbers: Vec::new(),
             expected_s: Some(4.8),
         };
         update(&mut model, Msg::Bench { path: "sim:good".into(), bench: Loaded::Ready(bench) });
@@ -368,6 +370,7 @@ fn header(serial_number: &str, plan: &str) -> RunHeader {
         schema: EVENTS_SCHEMA.into(),
         serial_number: serial_number.into(),
         part: None,
+        numbers: Vec::new(),
         operator: Some("Zhang Wei".into()),
         station: "line-2".into(),
         program: ProgramVersion { name: "gnc-station".into(), version: "0.1.0".into(), build: None },

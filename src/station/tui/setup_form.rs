@@ -1,9 +1,13 @@
 //! The form in which plan, bench, operator, rounds and language are chosen.
 
+use gnc_executive::numbers::NumberField;
+
 use super::decode::Key;
 use super::field::InputField;
 use super::lang::Lang;
 use super::model::{AfterFailure, RoundsSetting, ScreenModel};
+use super::numbers::label;
+use super::update::numbers::asked;
 
 /// Largest number of rounds or minutes that can be asked for: a month of minutes.
 pub(crate) const MAX_ROUNDS: u32 = 43_200;
@@ -21,20 +25,26 @@ pub(crate) enum FormLine {
     Plan,
     Bench,
     Operator,
+    /// One of the numbers that bench and plan ask for.
+    Number(usize),
     Rounds,
     AfterFailure,
     Language,
 }
 
-impl FormLine {
-    pub(crate) const ALL: [FormLine; 6] = [
-        FormLine::Plan,
-        FormLine::Bench,
-        FormLine::Operator,
-        FormLine::Rounds,
-        FormLine::AfterFailure,
-        FormLine::Language,
-    ];
+/// A number that bench and plan ask for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct FormNumber {
+    pub key: String,
+    pub label: String,
+    pub field: InputField,
+}
+
+impl FormNumber {
+    /// Whether the operator has written something else.
+    pub(crate) fn is_changed(&self, model: &ScreenModel) -> bool {
+        self.field.text().trim() != model.numbers.get(&self.key)
+    }
 }
 
 /// What limits the rounds.
@@ -52,6 +62,7 @@ pub(crate) struct Form {
     pub plan: InputField,
     pub bench: InputField,
     pub operator: InputField,
+    pub numbers: Vec<FormNumber>,
     pub rounds: RoundsKind,
     pub number: InputField,
     pub after_failure: AfterFailure,
@@ -73,6 +84,7 @@ impl Form {
             plan: InputField::new(&model.plan_path),
             bench: InputField::new(&model.bench_path),
             operator: InputField::new(&model.operator),
+            numbers: asked(model).iter().map(|field| of_model(model, field)).collect(),
             rounds,
             number: InputField::new(&number.to_string()),
             after_failure: model.after_failure,
@@ -82,12 +94,24 @@ impl Form {
 
     /// The form with the cursor at a line.
     pub(crate) fn at(model: &ScreenModel, line: FormLine) -> Self {
-        let line = FormLine::ALL.iter().position(|each| *each == line).unwrap_or(0);
-        Self { line, ..Self::new(model) }
+        let form = Self::new(model);
+        let line = form.lines().iter().position(|each| *each == line).unwrap_or(0);
+        Self { line, ..form }
     }
 
     pub(crate) fn here(&self) -> FormLine {
-        FormLine::ALL[self.line.min(FormLine::ALL.len() - 1)]
+        self.lines().get(self.line).copied().unwrap_or(FormLine::Language)
+    }
+
+    /// All lines from top to bottom.
+    pub(crate) fn lines(&self) -> Vec<FormLine> {
+        let before = [FormLine::Plan, FormLine::Bench, FormLine::Operator];
+        let numbers = (0..self.numbers.len()).map(FormLine::Number);
+        before
+            .into_iter()
+            .chain(numbers)
+            .chain([FormLine::Rounds, FormLine::AfterFailure, FormLine::Language])
+            .collect()
     }
 
     /// The rounds that were asked for; `None` if the number is not valid.
@@ -106,6 +130,7 @@ impl Form {
             FormLine::Plan => Some(&mut self.plan),
             FormLine::Bench => Some(&mut self.bench),
             FormLine::Operator => Some(&mut self.operator),
+            FormLine::Number(index) => self.numbers.get_mut(index).map(|number| &mut number.field),
             FormLine::Rounds if self.rounds != RoundsKind::Once => Some(&mut self.number),
             FormLine::Rounds | FormLine::AfterFailure | FormLine::Language => None,
         }
@@ -130,7 +155,7 @@ impl Form {
         match self.here() {
             FormLine::Plan => next_text(&mut self.plan, &choices.plans, step),
             FormLine::Bench => next_text(&mut self.bench, &choices.benches, step),
-            FormLine::Operator => {}
+            FormLine::Operator | FormLine::Number(_) => {}
             FormLine::Rounds => {
                 const ALL: [RoundsKind; 3] = [RoundsKind::Once, RoundsKind::Count, RoundsKind::Minutes];
                 self.rounds = next(&ALL, self.rounds, step);
@@ -142,6 +167,11 @@ impl Form {
             FormLine::Language => self.lang = next(&Lang::ALL, self.lang, step),
         }
     }
+}
+
+fn of_model(model: &ScreenModel, field: &NumberField) -> FormNumber {
+    let (key, label) = (field.key.clone(), label(&field.label, model.lang).to_owned());
+    FormNumber { field: InputField::new(model.numbers.get(&key)), key, label }
 }
 
 fn next<T: Copy + PartialEq>(all: &[T], now: T, step: isize) -> T {

@@ -1,6 +1,7 @@
 //! Applies messages to the model, and returns the effects that they ask for.
 
 mod keys;
+pub(super) mod numbers;
 mod run;
 mod scan;
 mod start;
@@ -139,6 +140,8 @@ pub(crate) enum Effect {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct StartRequest {
     pub serial_number: String,
+    /// Numbers of orders, sub-units and others, by their keys.
+    pub numbers: Vec<(String, String)>,
     /// Digest of the plan that is shown.
     pub plan_sha256: String,
     /// The run that is taken up again.

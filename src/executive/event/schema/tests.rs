@@ -8,6 +8,7 @@ use super::*;
 use crate::event::{
     BoardBreach, BuildInfo, EarlierRun, Event, EventKind, Loop, OtherModule, ProgramVersion, RunHeader, StopHow,
 };
+use crate::numbers::{GivenNumber, NumberKind};
 use crate::part::{LimitsChosen, PartName};
 use crate::record::tests::problems;
 use crate::test_run::{header, small_run};
@@ -24,6 +25,12 @@ fn events() -> Vec<Value> {
         looped: Some(Loop { index: 1, count: None }),
         operator: None,
         part: Some(PartName::new("A", Some("B"))),
+        numbers: vec![GivenNumber {
+            key: "order".to_owned(),
+            kind: NumberKind::Order,
+            label: "Order".to_owned(),
+            value: "1".to_owned(),
+        }],
         ..header()
     };
     let of_run = |header: RunHeader| {

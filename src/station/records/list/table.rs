@@ -1,5 +1,6 @@
 //! A run as the fields of a list. Names and meanings stay: programs of others read them.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -42,6 +43,8 @@ pub(super) struct Line<'a> {
     operator: Option<&'a str>,
     simulated: Option<bool>,
     selection: Option<&'a [String]>,
+    /// Numbers of orders, sub-units and others, by their keys.
+    numbers: Option<BTreeMap<&'a str, &'a str>>,
     #[serde(rename = "loop")]
     looped: Option<u32>,
     recomputed: Option<&'a str>,
@@ -73,6 +76,8 @@ impl<'a> Line<'a> {
             operator: run.and_then(|run| run.operator.as_deref()),
             simulated: run.map(|run| run.bench.kind == BenchKind::Simulated),
             selection: run.and_then(|run| run.selection.as_deref()),
+            numbers: run
+                .map(|run| run.numbers.iter().map(|number| (number.key.as_str(), number.value.as_str())).collect()),
             looped: run.and_then(|run| run.looped).map(|looped| looped.index),
             recomputed: run.and_then(|run| run.recomputed.as_ref()).map(|earlier| earlier.run.as_str()),
             resumed: run.and_then(|run| run.resumed.as_ref()).map(|earlier| earlier.run.as_str()),
@@ -87,7 +92,7 @@ impl<'a> Line<'a> {
     }
 
     /// Each field with its name, in the order of the columns.
-    fn cells(&self) -> [(&'static str, String); 22] {
+    fn cells(&self) -> [(&'static str, String); 23] {
         let text = |text: Option<&str>| text.map(safe).unwrap_or_default();
         let outcome = |outcome: Option<Outcome>| outcome.map(Outcome::as_str).unwrap_or_default().to_owned();
         let time = |time: Option<DateTime<FixedOffset>>| {
@@ -110,6 +115,7 @@ impl<'a> Line<'a> {
             ("operator", text(self.operator)),
             ("simulated", self.simulated.map(|simulated| simulated.to_string()).unwrap_or_default()),
             ("selection", text(self.selection.map(|names| names.join(BETWEEN_NAMES)).as_deref())),
+            ("numbers", text(self.numbers.as_ref().map(together).as_deref())),
             ("loop", self.looped.map(|index| index.to_string()).unwrap_or_default()),
             ("recomputed", text(self.recomputed)),
             ("resumed", text(self.resumed)),
@@ -118,6 +124,11 @@ impl<'a> Line<'a> {
             ("error", text(self.error.as_deref())),
         ]
     }
+}
+
+/// All numbers of a run in one cell.
+fn together(numbers: &BTreeMap<&str, &str>) -> String {
+    numbers.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>().join(BETWEEN_NAMES)
 }
 
 /// Both numbers of a run whose module is not the one that was scanned.

@@ -56,6 +56,7 @@ pub(crate) fn request(plan: &str) -> RunRequest {
         plan: plan.and_then(CheckedPlan::new).unwrap_or_else(|mistakes| panic!("{mistakes}")),
         serial_number: "SN".to_owned(),
         part: None,
+        numbers: Vec::new(),
         operator: None,
         selection: None,
         program: ProgramVersion { name: "control".to_owned(), version: "0".to_owned(), build: None },
@@ -95,6 +96,7 @@ pub(crate) fn serve(
             fixture: Fixture::Driven(Arc::new(bench.control())),
             site: file.site,
             serial_number: None,
+            numbers: Vec::new(),
             clock_is_right: false,
         };
         let done = service::run(request, equipment, control, &Live::default(), &mut observer).await;

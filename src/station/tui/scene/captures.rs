@@ -90,6 +90,7 @@ impl Scene {
             drift_limits_of_parts: Vec::new(),
             part: Some("GNC-POP-26".into()),
             serial_number: None,
+            numbers: Vec::new(),
             expected_s: None,
         };
         let path = "test-plans/calibration.toml".into();

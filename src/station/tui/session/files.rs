@@ -102,6 +102,7 @@ fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
         operator_required: checked.habits.operator.required,
         bell: checked.habits.bell,
         serial_number: checked.serial_number.clone(),
+        numbers: checked.numbers.clone(),
     }
 }
 
@@ -136,6 +137,7 @@ fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanVi
         drift_limits_of_parts,
         part,
         serial_number,
+        numbers: plan.numbers.clone(),
         expected_s: None,
     };
     Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))

@@ -123,6 +123,7 @@ fn prepare(
         plan: plan.plan.clone(),
         serial_number: start.serial_number,
         part: wanted.part?,
+        numbers: start.numbers,
         operator: start.operator,
         selection: start.selection,
         program: auto::program(),
@@ -155,7 +156,7 @@ async fn serve(request: &RunRequest, setup: Setup, handles: Handles) -> Finished
         Ok(done) => (Some(done.verdict()), done.refused),
         Err(refused) => (None, Some(refused)),
     };
-    let refusal = refused.map(|error| in_words(&CommandRefusal::new(with_causes(&error), error.try_this())));
+    let refusal = refused.map(|error| in_words(&CommandRefusal::new(with_causes(&error), &error.try_this())));
     Finished::Run { verdict, store_error: shown.store_error, refusal }
 }
 

@@ -1,14 +1,14 @@
 //! What keys do in each place.
 
 use super::start::{self, ask_to_start};
-use super::{Effect, scan, set_language, unknown_item, words};
+use super::{Effect, numbers, scan, set_language, unknown_item, words};
 use crate::tui::decode::Key;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::live::History;
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, RoundsSetting, RunView, ScreenModel, ScreenPage, order};
 use crate::tui::pending::PendingStart;
 use crate::tui::records::Check;
-use crate::tui::setup_form::{Form, FormLine, MAX_ROUNDS};
+use crate::tui::setup_form::{Form, FormLine, FormNumber, MAX_ROUNDS};
 
 /// Bench time of lost captures from which a stop is asked about: less is made again while the operator fetches a coffee.
 const ASK_FROM_S: f64 = 600.0;
@@ -159,6 +159,11 @@ fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
     if model.operator.trim().is_empty() && model.bench.ready().is_some_and(|bench| bench.operator_required) {
         model.say(MessageWeight::Warning, model.texts.operator_needed);
         model.over.push(Over::Setup(Form::at(model, FormLine::Operator)));
+        return Some(Effect::ListChoices);
+    }
+    if let Some((line, told)) = numbers::lacking(model) {
+        model.say(MessageWeight::Warning, told);
+        model.over.push(Over::Setup(Form::at(model, FormLine::Number(line))));
         return Some(Effect::ListChoices);
     }
     let selection = match what {
@@ -337,6 +342,18 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
         model.say(MessageWeight::Error, words(model.texts.not_a_number, &[&most]));
         return None;
     };
+    for FormNumber { key, field, .. } in &form.numbers {
+        if let Some(told) = numbers::misfit(model, key, field.text().trim()) {
+            model.say(MessageWeight::Error, told);
+            return None;
+        }
+    }
+    let later = model.is_running();
+    for number in &form.numbers {
+        if number.is_changed(model) {
+            model.numbers.set(&number.key, number.field.text().trim(), later);
+        }
+    }
     model.over.pop();
     model.message = None;
     model.rounds = rounds;
@@ -400,7 +417,7 @@ fn move_by(model: &mut ScreenModel, place: KeyContext, step: isize) {
     let end = model.scroll_end.get();
     match model.over.last_mut() {
         Some(Over::Setup(form)) => {
-            return form.line = moved(form.line, step.signum(), FormLine::ALL.len() - 1);
+            return form.line = moved(form.line, step.signum(), form.lines().len() - 1);
         }
         Some(Over::Help { scroll, .. } | Over::Item { scroll, .. } | Over::Log { scroll }) => {
             return *scroll = moved(*scroll, step, end);

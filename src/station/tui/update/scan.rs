@@ -1,8 +1,9 @@
 //! From a scan, or from typed text, to the serial number.
 
+use gnc_executive::numbers::NumberField;
 use gnc_executive::serial_number::SerialNumberPattern;
 
-use super::{Effect, words};
+use super::{Effect, numbers, words};
 use crate::serial_number::{self, SerialNumberError};
 use crate::tui::field::InputField;
 use crate::tui::framing::{self, ScanProblem};
@@ -16,7 +17,11 @@ pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) -> Option<Effect>
     let before = take_back(model, scanned.taken_back);
     let number = match framing::number(&before, scanned) {
         // A pattern that asks for other letters knows better.
-        Ok(number) if framing::is_other_layout(&number) && !is_asked_for(model, &number) => {
+        Ok(number)
+            if framing::is_other_layout(&number)
+                && !is_asked_for(model, &number)
+                && numbers::fitting(model, &number).is_none() =>
+        {
             Err(ScanProblem::Layout(number))
         }
         read => read,
@@ -55,6 +60,10 @@ fn take_scanned(model: &mut ScreenModel, number: &str, typed: &InputField) -> Op
             return None;
         }
     };
+    if let Some(field) = other_number(model, &number) {
+        numbers::take(model, &field, &number);
+        return None;
+    }
     if let Some(problem) = misfit(model, &number) {
         model.say(MessageWeight::Error, problem);
         return None;
@@ -94,6 +103,10 @@ pub(super) fn finish_typed(model: &mut ScreenModel) -> Result<Option<Effect>, ()
         _ if field.has_control() => texts.scan_control.to_owned(),
         _ if field.characters() > serial_number::MAX_CHARACTERS => too_long(model, field.characters()),
         Err(error) => in_words(model, &error),
+        Ok(number) if let Some(field) = other_number(model, &number) => {
+            numbers::take(model, &field, &number);
+            return Ok(None);
+        }
         Ok(number) => match misfit(model, &number) {
             None => return Ok(take_number(model, number)),
             Some(problem) => problem,
@@ -112,6 +125,10 @@ pub(super) fn take_number(model: &mut ScreenModel, number: String) -> Option<Eff
         model.scan.next = Some(number);
         model.say(MessageWeight::Info, words(texts.scanned_next, &[&shown]));
         return None;
+    }
+    if model.scan.current.as_ref() != Some(&number) {
+        let fields = numbers::asked(model);
+        model.numbers.new_module(&fields);
     }
     model.scan.current = Some(number);
     model.scan.next = None;
@@ -135,6 +152,11 @@ fn patterns(model: &ScreenModel) -> impl Iterator<Item = &SerialNumberPattern> {
 
 fn is_asked_for(model: &ScreenModel, number: &str) -> bool {
     patterns(model).next().is_some() && patterns(model).all(|pattern| pattern.fits(number))
+}
+
+/// The number of an order, a sub-unit or another one that a scan is, and no serial number.
+fn other_number(model: &ScreenModel, number: &str) -> Option<NumberField> {
+    numbers::fitting(model, number).filter(|_| !is_asked_for(model, number))
 }
 
 /// Why a number is none of this bench or this plan.

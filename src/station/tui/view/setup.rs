@@ -14,25 +14,30 @@ use crate::tui::setup_form::{Form, FormLine, MAX_ROUNDS, RoundsKind};
 
 pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
-    let lines_height = FormLine::ALL.len() as u16 + 5;
+    let form_lines = form.lines();
+    let lines_height = form_lines.len() as u16 + 5;
     let [form_area, below] = Layout::vertical([Constraint::Length(lines_height), Constraint::Fill(1)]).areas(area);
     let block_ = block(texts.setup);
     let inner = block_.inner(form_area);
     frame.render_widget(block_, form_area);
     let cells = usize::from(inner.width);
-    let label_cells = FormLine::ALL.iter().map(|line| text::width(label(model, *line))).max().unwrap_or(0);
-    let mut lines: Vec<Line<'_>> = FormLine::ALL
+    let label_cells = form_lines.iter().map(|line| text::width(&label(model, form, *line))).max().unwrap_or(0);
+    let mut lines: Vec<Line<'_>> = form_lines
         .iter()
         .enumerate()
         .map(|(index, line)| {
             let here = index == form.line;
             let value = value(model, form, *line, here);
-            let arrows = if here && *line != FormLine::Operator { ("< ", " >") } else { ("  ", "  ") };
+            let arrows = if here && !matches!(line, FormLine::Operator | FormLine::Number(_)) {
+                ("< ", " >")
+            } else {
+                ("  ", "  ")
+            };
             let value = text::cut(&value, cells.saturating_sub(label_cells + 7));
             Line::from(vec![
                 Span::raw(if here { "> " } else { "  " }),
                 Span::styled(
-                    text::fit(label(model, *line), label_cells),
+                    text::fit(&label(model, form, *line), label_cells),
                     if here { style::strong() } else { style::faint() },
                 ),
                 Span::raw(" "),
@@ -56,16 +61,20 @@ pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area
     }
 }
 
-fn label(model: &ScreenModel, line: FormLine) -> &'static str {
+fn label(model: &ScreenModel, form: &Form, line: FormLine) -> String {
     let texts = model.texts;
-    match line {
+    let text = match line {
+        FormLine::Number(index) => {
+            return form.numbers.get(index).map(|number| text::shown(&number.label)).unwrap_or_default();
+        }
         FormLine::Plan => texts.setup_plan,
         FormLine::Bench => texts.setup_bench,
         FormLine::Operator => texts.setup_operator,
         FormLine::Rounds => texts.setup_rounds,
         FormLine::AfterFailure => texts.setup_on_fail,
         FormLine::Language => texts.setup_language,
-    }
+    };
+    text.to_owned()
 }
 
 fn value(model: &ScreenModel, form: &Form, line: FormLine, here: bool) -> String {
@@ -75,6 +84,7 @@ fn value(model: &ScreenModel, form: &Form, line: FormLine, here: bool) -> String
         FormLine::Plan => typed(form.plan.text()),
         FormLine::Bench => typed(form.bench.text()),
         FormLine::Operator => typed(form.operator.text()),
+        FormLine::Number(index) => form.numbers.get(index).map(|number| typed(number.field.text())).unwrap_or_default(),
         FormLine::Rounds => {
             let number = typed(form.number.text());
             let words = match form.rounds {
