@@ -17,7 +17,7 @@ use gnc_executive::bench::BenchSite;
 use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader, events_form};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::outcome::Outcome;
-use gnc_executive::plan::OnFail;
+use gnc_executive::plan::{OnFail, Plan};
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::{PlanAsked, Question, Standing};
 use gnc_executive::verdict::Verdict;
@@ -26,7 +26,7 @@ use gnc_link::can::CanTarget;
 use gnc_records::resume::{Like, ResumeError, Resumed};
 use gnc_records::standing;
 use gnc_records::store::reader;
-use gnc_records::store::{RecordWriter, RunFolder, StationKey, StoreError, Watcher, seal_interrupted};
+use gnc_records::store::{RecordWriter, RunFolder, Sealer, StationKey, StoreError, Watcher, seal_interrupted};
 use tokio::time::Instant;
 
 use crate::clock::{self, ClockError};
@@ -313,7 +313,9 @@ impl Ready {
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, Like::header(&header))).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
-        let found = seal_interrupted(&records, key.as_ref());
+        let at = request.began.unwrap_or_else(clock::now);
+        let sealer = Sealer { station: &header.station, program: &header.program, at, key: key.as_ref() };
+        let found = seal_interrupted(&records, &sealer);
         let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
         Ok(Self { order, records, key, clock_is_right })
     }
@@ -348,16 +350,30 @@ impl Ready {
         }
         // Create the folder before power-on, so that a module is not tested without a place for its record.
         let folder = RunFolder::create(records, at, &order.header.serial_number, &plan.name)?.signed_with(key.clone());
-        let watchers = vec![observer.begin(&folder).map_err(ServiceError::Observer)?];
         let record = folder.clone();
-        let journal = match dated {
-            Some(began) => RunJournal::dated(RecordWriter::without_thread(folder, plan, watchers)?, began),
-            None => RunJournal::new(RecordWriter::start(folder, plan, watchers)?),
-        };
+        let begun = begin(folder, plan, dated, observer);
+        if begun.is_err() {
+            record.withdraw();
+        }
+        let journal = begun?;
         let ending = runner::run(order, journal, control, live).await;
         // Only the log of the first round mentions what was found before it.
         order.found.clear();
         observer.end(record.path(), &ending).await;
         Ok(ending)
     }
+}
+
+/// Opens the record of a round, which the face then hears.
+fn begin(
+    folder: RunFolder,
+    plan: &Plan,
+    dated: Option<DateTime<FixedOffset>>,
+    observer: &mut impl Observer,
+) -> Result<RunJournal, ServiceError> {
+    let watchers = vec![observer.begin(&folder).map_err(ServiceError::Observer)?];
+    Ok(match dated {
+        Some(began) => RunJournal::dated(RecordWriter::without_thread(folder, plan, watchers)?, began),
+        None => RunJournal::new(RecordWriter::start(folder, plan, watchers)?),
+    })
 }

@@ -8,6 +8,7 @@ use std::sync::{Arc, OnceLock};
 use chrono::{DateTime, FixedOffset};
 use nix::fcntl::{Flock, FlockArg};
 
+use super::begun::was_never_begun;
 use super::{StationKey, StoreError, UNASSIGNED, name, on};
 
 /// Bound on the runs of one plan with one serial number in one second; more mean a loop out of control.
@@ -44,10 +45,24 @@ impl RunFolder {
         let name = format!("{}-{}", at.format("%H%M%S"), name::of_part(plan));
         let folder = Self::fresh(&day, &name)?;
         // The names of the new folders must survive a power cut as well.
-        for dir in [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten() {
-            sync_dir(dir)?;
+        let mut dirs = [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten();
+        let synced = dirs.try_for_each(sync_dir);
+        if synced.is_err() {
+            folder.withdraw();
         }
-        Ok(folder)
+        synced.map(|()| folder)
+    }
+
+    /// Takes away the folder of a run that could not begin, so that no half folder is left; its parents too, if they are
+    /// empty then. A folder that has an event stays. Where the disk refuses, readers name what is left.
+    pub fn withdraw(&self) {
+        let path = self.path();
+        if !was_never_begun(path) || fs::remove_dir_all(path).is_err() {
+            return;
+        }
+        // These fail where other runs are.
+        let parents = path.ancestors().skip(1).take(2);
+        let _ = parents.map(fs::remove_dir).take_while(Result::is_ok).count();
     }
 
     /// Creates a folder beside a run's, `RUN-WHAT`, with `-2`, `-3` if the name is taken.
