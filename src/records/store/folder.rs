@@ -250,4 +250,32 @@ mod tests {
         drop(held);
         assert_eq!(look(), (Found::Unreadable, false), "its station has died");
     }
+
+    /// The station died, or its disk was full, before the first event. Nothing was tested, and nothing was changed.
+    #[test]
+    fn a_run_that_was_never_begun_is_named_and_taken_back() {
+        let records = tempfile::tempdir().unwrap();
+        let at = DateTime::parse_from_rfc3339("2026-11-28T12:00:00+08:00").unwrap();
+        for journal in [None, Some(&b""[..]), Some(&[0; 9]), Some(b"{\"seq\":0,\"at\":\"2026"), Some(b"{\"seq\":0}\n")]
+        {
+            let folder = RunFolder::create(records.path(), at, "SN", "functional").unwrap();
+            folder.put("plan/01-functional.toml", |out| out.write_all(b"name")).unwrap();
+            if let Some(journal) = journal {
+                folder.create_file(crate::store::JOURNAL).unwrap().write_all(journal).unwrap();
+            }
+            let path = folder.path().to_owned();
+            let is_begun = journal.is_some_and(|journal| journal.ends_with(b"\n"));
+            let again = folder.clone();
+            drop(folder);
+            drop(again);
+            let checked = reader::check(&path);
+            assert_eq!(checked.never_begun, !is_begun, "{journal:?}");
+            assert_eq!(checked.problems.is_empty(), !is_begun, "{:?}", checked.problems);
+            let told = reader::read(&path).unwrap_err().to_string();
+            assert_eq!(told.contains("nothing was tested"), !is_begun, "{told}");
+            RunFolder::existing(&path).withdraw();
+            assert_eq!(path.exists(), is_begun);
+            assert_eq!(records.path().join("2026-11-28").exists(), is_begun, "the folders of day and module go too");
+        }
+    }
 }

@@ -74,3 +74,6 @@ fn beginning(file: &Path) -> io::Result<String> {
     // The cut may go through a character of the items.
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
+
+#[cfg(test)]
+mod tests;
