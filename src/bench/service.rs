@@ -19,7 +19,7 @@ use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::numbers::{self, NumberError, NumberField};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::PartName;
-use gnc_executive::plan::OnFail;
+use gnc_executive::plan::{OnFail, Plan};
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::{PlanAsked, Question, Standing};
 use gnc_executive::verdict::Verdict;
@@ -29,7 +29,7 @@ use gnc_records::resume::{Like, ResumeError, Resumed};
 use gnc_records::reuse::{self, Reused};
 use gnc_records::standing;
 use gnc_records::store::reader;
-use gnc_records::store::{RecordWriter, RunFolder, StationKey, StoreError, Watcher, seal_interrupted};
+use gnc_records::store::{RecordWriter, RunFolder, Sealer, StationKey, StoreError, Watcher, seal_interrupted};
 use tokio::time::Instant;
 
 use crate::clock::{self, ClockError};
@@ -343,7 +343,9 @@ impl Ready {
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, Like::header(&header))).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
-        let mut found = seal_interrupted(&records, key.as_ref());
+        let at = request.began.unwrap_or_else(clock::now);
+        let sealer = Sealer { station: &header.station, program: &header.program, at, key: key.as_ref() };
+        let mut found = seal_interrupted(&records, &sealer);
         found.extend(reuse::of(&records, &header).iter().map(in_words));
         let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
         Ok(Self { order, records, key, clock_is_right })
@@ -379,16 +381,30 @@ impl Ready {
         }
         // Create the folder before power-on, so that a module is not tested without a place for its record.
         let folder = RunFolder::create(records, at, &order.header.serial_number, &plan.name)?.signed_with(key.clone());
-        let watchers = vec![observer.begin(&folder).map_err(ServiceError::Observer)?];
         let record = folder.clone();
-        let journal = match dated {
-            Some(began) => RunJournal::dated(RecordWriter::without_thread(folder, plan, watchers)?, began),
-            None => RunJournal::new(RecordWriter::start(folder, plan, watchers)?),
-        };
+        let begun = begin(folder, plan, dated, observer);
+        if begun.is_err() {
+            record.withdraw();
+        }
+        let journal = begun?;
         let ending = runner::run(order, journal, control, live).await;
         // Only the log of the first round mentions what was found before it.
         order.found.clear();
         observer.end(record.path(), &ending).await;
         Ok(ending)
     }
+}
+
+/// Opens the record of a round, which the face then hears.
+fn begin(
+    folder: RunFolder,
+    plan: &Plan,
+    dated: Option<DateTime<FixedOffset>>,
+    observer: &mut impl Observer,
+) -> Result<RunJournal, ServiceError> {
+    let watchers = vec![observer.begin(&folder).map_err(ServiceError::Observer)?];
+    Ok(match dated {
+        Some(began) => RunJournal::dated(RecordWriter::without_thread(folder, plan, watchers)?, began),
+        None => RunJournal::new(RecordWriter::start(folder, plan, watchers)?),
+    })
 }

@@ -57,6 +57,9 @@ pub enum ResumeError {
     /// The run ended, but without digests its files cannot be checked.
     #[error("the run to resume ended, and its {DIGESTS} is missing")]
     Unsealed,
+    /// The run was closed late, so nothing proves that its samples are those that were captured.
+    #[error("the run to resume was closed late, so its captures prove nothing")]
+    ClosedLate,
     /// Another station is carrying out the run now.
     #[error("the run to resume is still running")]
     GoesOn,
@@ -77,7 +80,7 @@ impl ResumeError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Unreadable(error) => error.try_this(),
-            Self::OtherModule(_) | Self::Unlike { .. } | Self::Ended(_) | Self::Unsealed => {
+            Self::OtherModule(_) | Self::Unlike { .. } | Self::Ended(_) | Self::Unsealed | Self::ClosedLate => {
                 "run the plan from its beginning, without --resume"
             }
             Self::GoesOn => "wait until that run ends, or stop it where it runs",
@@ -271,6 +274,7 @@ fn unchanged(folder: &Path, state: &RunState) -> Result<(), ResumeError> {
     }
     match chain::standing(folder) {
         Ok(ChainStanding::Held | ChainStanding::NoChain) => Ok(()),
+        Ok(ChainStanding::Late) => Err(ResumeError::ClosedLate),
         // A power cut came between the digests and the chain; the start of the next run repairs that.
         Ok(ChainStanding::Missing) if state.is_interrupted() => Ok(()),
         Ok(ChainStanding::Missing) => {

@@ -10,7 +10,8 @@ use std::process::ExitCode;
 use gnc_executive::record::RunRecord;
 use gnc_executive::standing::Seal;
 use gnc_executive::text;
-use gnc_records::store::reader::{self, Wanted};
+use gnc_records::store::chain::LateCloses;
+use gnc_records::store::reader::{self, ReadError, Wanted};
 use gnc_records::store::{PublicKey, StationKey, StoreError, chain};
 use gnc_text::printable;
 
@@ -91,7 +92,8 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
             folders
         }
     };
-    let (mut bad, mut newer, mut running) = (0, 0, 0);
+    let (mut bad, mut newer, mut running, mut never_begun) = (0, 0, 0, 0);
+    let mut late_closes = LateCloses::default();
     for folder in &folders {
         let mut found = reader::check(folder);
         let place = folder.display();
@@ -100,8 +102,18 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
             let _ = writeln!(out, "{place}: running: its record can be verified when the run has ended");
             continue;
         }
+        if found.never_begun {
+            never_begun += 1;
+            let _ = writeln!(out, "{place}: {}", ReadError::NeverBegun);
+            continue;
+        }
         found.problems.extend(key.and_then(|key| reader::verify_signature(folder, key)));
         let whole = found.problems.is_empty();
+        if let Some(late) = late_closes.of(folder).map_err(|error| store_refusal(&error))? {
+            let now =
+                if whole { "its files are as the journal left them" } else { "its files were changed after that" };
+            let _ = writeln!(out, "{place}: {}; {now}", printable(&late.in_words()));
+        }
         let _ = match &found.newer {
             Some(why) if whole => {
                 writeln!(out, "{place}: {why}: its digests agree, but this version cannot compare its journal")
@@ -116,7 +128,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
         bad += usize::from(!whole);
         newer += usize::from(whole && found.newer.is_some());
     }
-    let (whole, ended) = (folders.len() - bad - newer - running, folders.len() - running);
+    let (whole, ended) = (folders.len() - bad - newer - running - never_begun, folders.len() - running - never_begun);
     let _ = writeln!(out, "{whole} of {ended} runs are as written");
     if let Some(place) = &all {
         bad += along_the_chain(&place.path, &mut out).map_err(|error| store_refusal(&error))?;
@@ -141,7 +153,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.
 fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usize, StoreError> {
-    let chain::ChainCheck { runs, first, problems } = chain::verify(records)?;
+    let chain::ChainCheck { runs, first, problems, late } = chain::verify(records)?;
     if problems.is_empty() && runs > 0 {
         let elsewhere = if first > 1 {
             format!(" from run {first} on; earlier runs are not in this folder")
@@ -149,6 +161,11 @@ fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usiz
             String::new()
         };
         let _ = writeln!(out, "the chain of {runs} closed runs is whole{elsewhere}");
+    }
+    match late {
+        0 => {}
+        1 => drop(writeln!(out, "1 run of the chain was closed late and never counts as a pass")),
+        late => drop(writeln!(out, "{late} runs of the chain were closed late and never count as a pass")),
     }
     for problem in &problems {
         let _ = writeln!(out, "chain: {}", printable(problem));

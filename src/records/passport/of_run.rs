@@ -49,6 +49,9 @@ pub enum NoPassport {
     /// The run has no end event.
     #[error("the run was interrupted")]
     Interrupted,
+    /// The station ended before it had closed the run.
+    #[error("the run was closed late")]
+    ClosedLate,
     /// Some items were left out.
     #[error("only chosen items of the plan were run")]
     Selection,

@@ -75,6 +75,8 @@ enum Fate {
     Shown,
     /// The face cannot show it.
     Unshown,
+    /// Its record cannot be opened.
+    Unwritable,
     /// Its folder is removed while it runs.
     Removed,
 }
@@ -89,6 +91,10 @@ impl Observer for Fated<'_> {
         let (fate, folder) = (self.fates.next().copied().unwrap_or(Fate::Shown), folder.path().to_owned());
         if fate == Fate::Unshown {
             return Err(std::io::Error::other("no thread"));
+        }
+        if fate == Fate::Unwritable {
+            // The plan cannot be filed in a file.
+            std::fs::write(folder.join("plan"), "")?;
         }
         Ok(Box::new(move |event| {
             if fate == Fate::Removed && matches!(event.kind, EventKind::ItemStarted { .. }) {
@@ -142,6 +148,8 @@ fn a_first_round_that_cannot_begin_is_refused() {
     };
     let asked = request(PLAN);
     assert_eq!(refused(&asked, &[Fate::Unshown]), "cannot start: no thread");
+    let unwritable = refused(&asked, &[Fate::Unwritable]);
+    assert!(unwritable.starts_with("cannot create "), "{unwritable}");
     let unknown = RunRequest { selection: Some(vec!["cpo".to_owned()]), ..asked.clone() };
     assert!(refused(&unknown, &[]).contains("cpo"), "{}", refused(&unknown, &[]));
     let gone = RunRequest { resume: Some("records/gone".into()), ..asked };

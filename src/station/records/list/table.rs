@@ -7,7 +7,9 @@ use std::path::Path;
 use chrono::{DateTime, FixedOffset, SecondsFormat};
 use gnc_executive::event::{BenchKind, OtherModule};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::standing::{Flaw, Seal};
 use gnc_executive::verdict::Verdict;
+use gnc_records::standing::Seals;
 use gnc_records::store::reader::FoundRun;
 use serde::Serialize;
 
@@ -52,10 +54,23 @@ pub(super) struct Line<'a> {
     program_version: Option<&'a str>,
     program_commit: Option<&'a str>,
     error: Option<String>,
+    /// How the record of a closed run is kept, whatever the run says.
+    seal: Option<&'static str>,
+}
+
+/// The word of a list for how a record is kept; `None` while its station still closes it.
+fn seal_word(kept: Seal) -> Option<&'static str> {
+    match kept {
+        Seal::Chained => Some("held"),
+        Seal::Flawed(Flaw::NotInChain) => Some("not_in_chain"),
+        Seal::Flawed(Flaw::ClosedLate) => Some("closed_late"),
+        Seal::Flawed(Flaw::UnderWay | Flaw::NotClosed) => None,
+        Seal::Flawed(_) => Some("changed"),
+    }
 }
 
 impl<'a> Line<'a> {
-    pub(super) fn of(found: &'a FoundRun, records: &Path) -> Self {
+    pub(super) fn of(found: &'a FoundRun, records: &Path, kept: Option<Seal>) -> Self {
         let run = found.run.as_ref().ok();
         // A run at its very start has no whole event yet, which is no error.
         let error = found.run.as_ref().err().filter(|_| !found.running);
@@ -84,6 +99,7 @@ impl<'a> Line<'a> {
             program_version: run.map(|run| run.program.version.as_str()),
             program_commit: run.and_then(|run| run.program.build.as_ref()).map(|build| build.commit.as_str()),
             error: error.map(|error| gnc_text::with_causes(error)),
+            seal: kept.and_then(seal_word),
         }
     }
 
@@ -122,6 +138,7 @@ impl<'a> Line<'a> {
             ("program_version", text(self.program_version)),
             ("program_commit", text(self.program_commit)),
             ("error", text(self.error.as_deref())),
+            ("seal", self.seal.unwrap_or_default().to_owned()),
         ]
     }
 }
@@ -140,8 +157,10 @@ fn both_numbers(other: &OtherModule) -> String {
 pub(super) fn csv(out: impl Write, records: &Path, runs: impl Iterator<Item = FoundRun>) -> io::Result<()> {
     let mut table = csv::Writer::from_writer(out);
     table.write_record(Line::default().cells().map(|(name, _)| name)).map_err(of_system)?;
+    let mut seals = Seals::new(records);
     for found in runs {
-        Line::of(&found, records).write(&mut table)?;
+        let kept = super::kept(&found, &mut seals)?;
+        Line::of(&found, records, kept).write(&mut table)?;
     }
     table.flush()
 }

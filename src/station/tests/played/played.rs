@@ -15,7 +15,7 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
 use gnc_link::Target;
-use gnc_records::store::{RunFolder, Watcher};
+use gnc_records::store::{RunFolder, Watcher, reader, was_never_begun};
 use hw_mocks::{BenchOptions, RunningBench};
 
 /// Runs a plan once. `watch` sees every event and may ask for anything. Returns the run as it ended.
@@ -101,6 +101,9 @@ pub(crate) fn serve(
         };
         let done = service::run(request, equipment, control, &Live::default(), &mut observer).await;
         assert!(!bench.control().truth().expect("a bench").powered, "the module is left under power");
+        for run in reader::paths(records.path()).unwrap_or_default() {
+            assert!(!was_never_begun(&run), "a round that could not begin left {}", run.display());
+        }
         done
     })
 }

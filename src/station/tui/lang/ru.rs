@@ -334,6 +334,7 @@ fn flaw(flaw: Flaw) -> Option<&'static str> {
         Flaw::NotClosed => "запись не закрыта",
         Flaw::Interrupted => "прерван",
         Flaw::NotInChain => "нет в цепочке",
+        Flaw::ClosedLate => "закрыта позже",
         Flaw::Changed => "запись изменена",
         Flaw::Simulated => "имитация",
         Flaw::Rejudged => "переоценка по другим пределам",

@@ -331,6 +331,7 @@ fn flaw(flaw: Flaw) -> Option<&'static str> {
         Flaw::NotClosed => "记录未封存",
         Flaw::Interrupted => "已中断",
         Flaw::NotInChain => "不在记录链中",
+        Flaw::ClosedLate => "事后封存",
         Flaw::Changed => "记录被改动",
         Flaw::Simulated => "模拟",
         Flaw::Rejudged => "按其他限值重新判定",
