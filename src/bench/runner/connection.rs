@@ -177,8 +177,8 @@ impl Run<'_> {
         self.journal.emit(EventKind::Power(power)).await?;
         // Whose run it is comes before what is left of an earlier run of it.
         let same = self.is_same(lease).await;
-        if let Err(ProcedureError::OtherModule(other)) = &same {
-            self.journal.emit(EventKind::OtherModule(other.clone())).await?;
+        if let Err(error) = &same {
+            self.file_other_module(error).await?;
         }
         let Err(text) = same.map_err(|other| told(&other, other.try_this())).and(fits) else { return Ok(true) };
         self.note(NoteLevel::Error, text, item).await?;
