@@ -2,6 +2,7 @@
 
 mod captures;
 mod properties;
+mod questions;
 #[cfg(feature = "sim")]
 mod same;
 mod scans;
@@ -13,7 +14,6 @@ mod truth;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use gnc_bench::fixture::Ask;
 use gnc_executive::event::{BoardBreach, EventKind};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::Standing;
@@ -181,7 +181,7 @@ fn a_scanner_types_and_nothing_happens() {
         |scene| drop(scene.key(Key::F(9))),
         |scene| {
             scene.start("DEMO-1");
-            scene.tell(Msg::Asked { item: "ad".into(), ask: Ask::Switches(None) });
+            scene.event(EventKind::ItemStarted { item: "ad".into(), attempt: 1 });
         },
     ];
     for play in plays {
@@ -195,8 +195,6 @@ fn a_scanner_types_and_nothing_happens() {
         let command = scene.key(Key::Enter);
         let scanned = if running { &scene.model.scan.next } else { &scene.model.scan.current };
         assert_eq!(scanned.as_deref(), Some("SN 12qynYN/é模"));
-        let prompt = scene.model.run.as_ref().is_some_and(|run| run.prompt.is_some());
-        assert_eq!(prompt, running, "the line end of a scanner answered a question");
         assert_eq!(command.is_none(), running, "{command:?}");
     }
 }
@@ -393,6 +391,38 @@ fn a_lost_record_is_no_pass() {
         Some(Verdict::Module(Outcome::Errored))
     );
     assert!(scene.text().contains("no space left"), "{}", scene.text());
+}
+
+/// That records cannot be written stays in sight until one is written, whatever else is told, scanned or tested.
+#[test]
+fn a_lost_record_is_told_until_one_is_written() {
+    let over = |error: Option<&str>| Msg::RunOver {
+        verdict: Some(Verdict::Module(Outcome::Passed)),
+        store_error: error.map(str::to_owned),
+        refusal: None,
+    };
+    let mut scene = scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.tell(over(Some("no space left on device")));
+    scene.tell(Msg::HookTrouble("no paper".into()));
+    scene.scans("DEMO-2\r");
+    scene.pass_time(std::time::Duration::from_secs(3600));
+    for key in [Key::F(9), Key::F(9), Key::F(1), Key::Esc, Key::F(9)] {
+        scene.key(key);
+        for (width, height) in [(80, 24), (160, 50), (40, 12)] {
+            scene.resize(width, height);
+            let text: String = scene.text().split_whitespace().collect::<Vec<_>>().join(" ");
+            let told = if width < 80 { "ERRORED: the record" } else { "could not be written: no space left on device" };
+            assert!(text.contains(told), "{key:?} {width}: {text}");
+        }
+    }
+    // A run that is refused has written nothing.
+    scene.start("DEMO-2");
+    scene.tell(Msg::RunOver { verdict: None, store_error: None, refusal: Some("the board is gone".into()) });
+    assert!(scene.model.unrecorded.is_some());
+    scene.start("DEMO-2");
+    scene.tell(over(None));
+    assert!(!scene.text().contains("no space left"), "{}", scene.text());
 }
 
 /// Outcome and serial number filter the runs of a day.

@@ -336,7 +336,7 @@ const NAMES: &[(&str, &str)] = &[
     ("words of a plan, in the language of who wrote it", "Close the lid of the shield"),
     (
         "files, folders and versions",
-        "test-plans/functional.toml test-plans/limits.toml test-plans/mine.toml sim 140500-functional records/2026-11-22/DEMO-1/143000-functional",
+        "test-plans/functional.toml test-plans/limits.toml test-plans/mine.toml sim 140500-functional records/2026-11-22/DEMO-1 records/2026-11-22/DEMO-1/143000-functional",
     ),
     ("what the board says of itself, and where it is", "SIM-BOARD-1 /dev/pts/7 0x0000004a 0x0000005a"),
     ("names of measured values", "gyro_x gyro_y measured"),
@@ -353,13 +353,14 @@ const NAMES: &[(&str, &str)] = &[
 
 /// Sentences that are English in every language still. The list only gets shorter: a sentence that no scene shows any more
 /// fails the test, and its length stands in its type.
-const STILL_ENGLISH: [(&str, &str); 11] = [
+const STILL_ENGLISH: [(&str, &str); 12] = [
     ("why an item is errored", "no answer to SciEcho after 5 tries over 2.5 s"),
     ("what can be tried then", "is the cable plugged in at both ends?"),
     ("what the board tells of an error", "SCI byte differs (byte 17)"),
     ("notes in the log", "the link is lost, so the rest of the plan is not run"),
     ("mistakes in plans", "no item has the id \"imo\" did you mean \"io\"?"),
     ("errors of files, in the words of the system", "No such file or directory (os error 2)"),
+    ("errors of records, in the words of the system", "cannot write No space left on device (os error 28)"),
     ("why a run cannot be resumed", "the run to resume had the serial number DEMO-2, this run has DEMO-1"),
     ("what a later version has written", "event `weighed`"),
     ("where the board is", "/dev/pts/7 at 921600 bit/s"),

@@ -71,6 +71,14 @@ pub(super) const SCENES: &[(&str, Play)] = &[
             scene.key(Key::Enter);
         })
     }),
+    ("unrecorded", |lang, size| {
+        played(lang, size, |scene| {
+            fail(scene);
+            let store_error = "cannot write records/2026-11-22/DEMO-1: No space left on device (os error 28)";
+            let verdict = Some(Verdict::Module(Outcome::Failed));
+            scene.tell(Msg::RunOver { verdict, store_error: Some(store_error.into()), refusal: None });
+        })
+    }),
     ("errored", |lang, size| played(lang, size, error)),
     ("prompt-switch", |lang, size| asked(lang, size, &Ask::Switches(Some(3)))),
     ("prompt-switch-again", |lang, size| {

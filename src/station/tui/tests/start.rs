@@ -174,8 +174,7 @@ fn a_scan_answers_no_question() {
     for (changed, resume) in [(changed(), None), (Vec::new(), broke_off()), (Vec::new(), unlike())] {
         let mut scene = scene(Lang::En);
         start(&mut scene, changed, resume);
-        scene.types("DEMO-9");
-        assert_eq!(scene.key(Key::Enter), Some(Effect::LookUp("DEMO-9".into())));
+        assert_eq!(scene.scans("DEMO-9\r"), Some(Effect::LookUp("DEMO-9".into())));
         assert_eq!((scene.model.pending.as_ref(), scene.model.over.len()), (None, 0));
     }
 }
@@ -243,6 +242,15 @@ fn a_stop_that_loses_captures_is_asked_about() {
     assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop), "at once, without a question");
     let mut scene = in_the_hour(600.0);
     assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop), "ten minutes are not asked about");
+    // A finished capture that the module compensated is made anew by a resumed run, so it counts, too.
+    let mut scene = in_the_hour(100.0);
+    assert!(scene.model.lost_s() < 101.0);
+    let anew: Vec<_> =
+        scene.model.plan.ready().expect("a plan").programs.iter().map(|program| program.anew_s).collect();
+    let check = scene.model.plan.ready().and_then(|plan| plan.programs.iter().find(|program| program.anew_s > 0.0));
+    let check = check.unwrap_or_else(|| panic!("no program is made anew: {anew:?}")).clone();
+    scene.passes(&[&check.item]);
+    assert_eq!(scene.model.lost_s(), 100.0 + check.anew_s, "{anew:?}");
     // Whoever leaves was asked already.
     let mut scene = in_the_hour(3000.0);
     scene.key(Key::F(10));

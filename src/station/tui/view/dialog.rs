@@ -62,16 +62,6 @@ fn answers(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
     lines
 }
 
-/// Keeps the lines that have room, with a mark if some go.
-fn shorten(lines: &mut Vec<String>, room: usize, cells: usize) {
-    if lines.len() > room {
-        lines.truncate(room);
-        if let Some(last) = lines.last_mut() {
-            *last = text::cut(&format!("{last} …"), cells);
-        }
-    }
-}
-
 /// Draws a question. The last of its texts is what is asked, and stays whole where there is little room.
 fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str, words: &[String]) {
     let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
@@ -82,7 +72,7 @@ fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str,
     let rows = |lines: usize| (lines + asked.len() + answers.len()) as u16;
     let place = over(model, frame, area, title, rows(lines.len()) + 1);
     let room = usize::from(place.height).saturating_sub(asked.len() + answers.len());
-    shorten(&mut lines, room, cells);
+    text::shorten(&mut lines, room, cells);
     // On a small screen the gap goes first, and the answers never.
     let [words_area, answer_area] =
         Layout::vertical([Constraint::Fill(1), Constraint::Length(answers.len() as u16)]).areas(place);
@@ -152,7 +142,7 @@ pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let on_no = text::wrap(&fill(texts.on_no, &[&text::shown(&prompt.item)]), cells);
     let answers = answers(model, cells);
     let answer_rows = answers.len() as u16;
-    shorten(&mut what, usize::from(area.height.saturating_sub(answer_rows + 2)), cells);
+    text::shorten(&mut what, usize::from(area.height.saturating_sub(answer_rows + 2)), cells);
     let (what_rows, mut on_no_rows) = (what.len() as u16, on_no.len() as u16);
     // What must be done and the answers stay on the smallest screen; the picture goes first, then the rest.
     let room = area.height.saturating_sub(what_rows + answer_rows + 3);

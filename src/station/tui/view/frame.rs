@@ -10,7 +10,7 @@ use ratatui::text::{Line, Span};
 use super::{style, text};
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::lang::fill;
-use crate::tui::model::{Loaded, Pause, ScreenModel, ScreenPage};
+use crate::tui::model::{Loaded, MessageWeight, Pause, ScreenModel, ScreenPage};
 
 /// Cells of a serial number beside a verdict.
 const STANDING_NUMBER: usize = 16;
@@ -106,6 +106,20 @@ fn badges(model: &ScreenModel) -> Vec<String> {
         }
         _ => Vec::new(),
     }
+}
+
+/// Most lines of the words about a record that cannot be written, on a screen with panels.
+const UNRECORDED_LINES: usize = 2;
+
+/// Why the record of a run could not be written, as long as that is so.
+pub(super) fn unrecorded(model: &ScreenModel, area: Rect) -> Vec<Line<'static>> {
+    let Some(why) = &model.unrecorded else { return Vec::new() };
+    let cells = usize::from(area.width).saturating_sub(2);
+    let rows = if area.height < super::MIN_HEIGHT { 1 } else { UNRECORDED_LINES };
+    let mut lines = text::wrap(&text::shown(why), cells);
+    text::shorten(&mut lines, rows, cells);
+    let style = style::weight(model.look, MessageWeight::Error);
+    lines.into_iter().map(|line| Line::styled(format!(" {line}"), style)).collect()
 }
 
 /// The latest message.

@@ -248,9 +248,18 @@ fn idle_lines(model: &ScreenModel, cells: usize, room: usize) -> Vec<Line<'stati
         lines.push(Line::styled(text::cut(texts.selection_long, cells), style::badge(model.look)));
     }
     if spare > 1 {
-        lines.insert(1, Line::raw(text::cut(texts.no_verdict_yet, cells)));
+        lines.insert(1, Line::raw(what_next(model, cells)));
     }
     lines
+}
+
+/// "scan, then F5"; after a scan which module F5 tests.
+fn what_next(model: &ScreenModel, cells: usize) -> String {
+    let texts = model.texts;
+    let Some(number) = &model.scan.current else { return text::cut(texts.no_verdict_yet, cells) };
+    // A long number is cut, and what to do stays.
+    let room = cells.saturating_sub(text::width(&fill(texts.scanned, &[""])));
+    text::cut(&fill(texts.scanned, &[&text::cut(&text::shown(number), room)]), cells)
 }
 
 pub(super) fn rounds_words(model: &ScreenModel, rounds: RoundsSetting) -> String {

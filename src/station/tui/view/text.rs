@@ -70,6 +70,16 @@ pub(super) fn marked(line: Line<'static>, cells: usize) -> Line<'static> {
     Line { spans: kept, style, alignment }
 }
 
+/// Keeps the lines that have room, with a mark if some go.
+pub(super) fn shorten(lines: &mut Vec<String>, room: usize, cells: usize) {
+    if lines.len() > room {
+        lines.truncate(room);
+        if let Some(last) = lines.last_mut() {
+            *last = cut(&format!("{last} …"), cells);
+        }
+    }
+}
+
 /// Draws lines from the top of their place. What is wider than the place ends with an ellipsis.
 pub(super) fn lines(frame: &mut Frame<'_>, lines: impl IntoIterator<Item = Line<'static>>, area: Rect) {
     let cells = usize::from(area.width);
