@@ -439,8 +439,8 @@ impl Run<'_> {
                 self.end_attempt(&landed, Outcome::Errored, Some(error)).await
             }
             End::Done(ref done) => {
-                if let Err(ProcedureError::OtherModule(other)) = done {
-                    self.journal.emit(EventKind::OtherModule(other.clone())).await?;
+                if let Err(error) = done {
+                    self.file_other_module(error).await?;
                 }
                 if let Err(ProcedureError::OtherPart { .. }) = done {
                     self.is_other_part.set(true);
@@ -456,6 +456,18 @@ impl Run<'_> {
                 self.end_attempt(&landed, outcome, error).await
             }
         }
+    }
+
+    /// Files that another module than was scanned is in the socket, once: the run is then of neither.
+    async fn file_other_module(&self, error: &ProcedureError) -> Result<(), StoreError> {
+        let (ProcedureError::OtherModule(other) | ProcedureError::ModuleChanged { other: Some(other), .. }) = error
+        else {
+            return Ok(());
+        };
+        if self.journal.look(|state| state.other_module().is_some()) {
+            return Ok(());
+        }
+        self.journal.emit(EventKind::OtherModule(other.clone())).await
     }
 
     /// Why a failed attempt says nothing of the module: it lost its power, or the times of its samples do not fit the

@@ -155,10 +155,10 @@ pub(crate) async fn all_rounds(
         done => done.map_err(|error| refusal(&error))?,
     };
     if let Some(hooks) = shown.hooks.take() {
-        tokio::select! {
-            _ = control.asked_times(2) => {}
-            _ = tokio::task::spawn_blocking(move || hooks.finish()) => {}
-        }
+        let asked_again = async {
+            let _ = control.asked_times(2).await;
+        };
+        hooks.finish(asked_again).await;
     }
     if let Some(refused) = &done.refused {
         complain(with_causes(refused), &refused.try_this());

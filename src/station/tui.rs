@@ -108,14 +108,12 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
 
     let session = ScreenSession::new((args.clone(), plan), screen, commands, signals, live);
     let told = session.told();
-    let verdict = runtime.block_on(async {
+    let (verdict, mut signals) = runtime.block_on(async {
         let resizes = tokio::spawn(terminal::watch_size(resized_in));
-        let verdict = session.serve().await;
+        let served = session.serve().await;
         resizes.abort();
-        verdict
+        served
     });
-    // A read of records may still be under way; do not wait for it.
-    runtime.shutdown_background();
     // The session has ended, so the drawing thread ends by itself, unless its terminal is blocked.
     match gone.recv_timeout(GIVE_BACK_WITHIN) {
         Ok(Ok(())) => {}
@@ -123,7 +121,12 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
         Err(_) => drop(guard.give_back_modes()),
     }
     // The last verdicts are told while the terminal is the operator's again.
-    told.finish();
+    runtime.block_on(told.finish(async {
+        // An interrupt from now on is meant for the hook.
+        signals.next().await;
+    }));
+    // A read of records may still be under way; do not wait for it.
+    runtime.shutdown_background();
     Ok(verdict)
 }
 

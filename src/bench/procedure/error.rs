@@ -210,6 +210,8 @@ pub(crate) enum ProcedureError {
         was: String,
         /// The module now.
         is: String,
+        /// The scanned number and that of the module now, if they differ.
+        other: Option<OtherModule>,
     },
     /// The module in the socket has another serial number than was scanned.
     #[error(

@@ -49,19 +49,25 @@ impl ModuleSeen {
     /// than before.
     pub(crate) fn compare(&self, identity: &IdentityReply, when: impl Into<String>) -> Result<(), ProcedureError> {
         let mut first = self.first.borrow_mut();
-        if first.is_none() && identity.serial_number.as_str() != self.scanned {
-            let found = identity.serial_number.as_str().to_owned();
-            return Err(ProcedureError::OtherModule(OtherModule { scanned: self.scanned.clone(), found }));
-        }
+        let found = identity.serial_number.as_str();
+        let other =
+            (found != self.scanned).then(|| OtherModule { scanned: self.scanned.clone(), found: found.to_owned() });
+        let other = match other {
+            Some(other) if first.is_none() => return Err(ProcedureError::OtherModule(other)),
+            other => other,
+        };
         let found = part(identity);
-        if let Some(asked) = self.part.as_ref().filter(|asked| !found.is_asked_for_by(asked)) {
+        // A module that is exchanged later is told below, with both numbers.
+        if first.is_none()
+            && let Some(asked) = self.part.as_ref().filter(|asked| !found.is_asked_for_by(asked))
+        {
             return Err(ProcedureError::OtherPart { asked: asked.clone(), found });
         }
         let first = first.get_or_insert_with(|| identity.clone());
         if first == identity {
             return Ok(());
         }
-        Err(ProcedureError::ModuleChanged { when: when.into(), was: name(first), is: name(identity) })
+        Err(ProcedureError::ModuleChanged { when: when.into(), was: name(first), is: name(identity), other })
     }
 }
 

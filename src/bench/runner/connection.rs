@@ -178,8 +178,8 @@ impl Run<'_> {
         self.journal.emit(EventKind::Power(power)).await?;
         // Whose run it is comes before what is left of an earlier run of it.
         let same = self.is_same(lease).await;
-        if let Err(ProcedureError::OtherModule(other)) = &same {
-            self.journal.emit(EventKind::OtherModule(other.clone())).await?;
+        if let Err(error) = &same {
+            self.file_other_module(error).await?;
         }
         if let Err(ProcedureError::OtherPart { .. }) = &same {
             self.is_other_part.set(true);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset};
-use gnc_analysis::motion::{self, MotionStep};
+use gnc_analysis::motion::{self, MotionProgram, MotionStep};
 use gnc_bench::fixture::Ask;
 use gnc_bench::guidance::Guidance;
 use gnc_executive::catalogue::TEMPERATURE_DRIFT;
@@ -22,7 +22,7 @@ use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
 
-use super::field::InputField;
+use super::field::{InputField, MAX_CHARACTERS};
 use super::keymap::KeyContext;
 use super::lang::{Lang, Texts};
 use super::numbers::Numbers;
@@ -194,6 +194,8 @@ pub(crate) struct ProgramView {
     pub lays: usize,
     /// Bench time of all captures and pauses.
     pub span_s: f64,
+    /// Bench time of the captures that a resumed run makes anew although they are finished.
+    pub anew_s: f64,
     /// The limit of the temperature's drift, as the plan has it.
     pub drift_limit: Option<Limit>,
 }
@@ -204,8 +206,19 @@ impl ProgramView {
         let program = motion::program(item.id, &item.params).ok()??;
         let drift_limit = item.limit(TEMPERATURE_DRIFT.name).cloned();
         let captures = program.steps.iter().filter_map(MotionStep::about).count();
-        Some(Self { item: item.name.clone(), captures, lays: program.lays(), span_s: program.span_s(), drift_limit })
+        let (item, lays, span_s, anew_s) = (item.name.clone(), program.lays(), program.span_s(), anew_s(&program));
+        Some(Self { item, captures, lays, span_s, anew_s, drift_limit })
     }
+}
+
+/// What a stop would lose of a program whose steps are all over.
+fn anew_s(program: &MotionProgram) -> f64 {
+    let mut guidance = Guidance::new(program);
+    for step in &program.steps {
+        guidance.begin(step);
+        guidance.end(step);
+    }
+    guidance.lost_s()
 }
 
 /// How often a plan is run.
@@ -350,6 +363,8 @@ impl RunView {
 #[derive(Debug, Default)]
 pub(crate) struct Scan {
     pub typed: InputField,
+    /// What a hand has typed while a question was open; the beginning of a scan may be among it.
+    pub unseen: String,
     /// `typed` is a scan without a line end.
     pub typed_by_scanner: bool,
     /// The scans of this scanner have a line end, so one without was cut off.
@@ -386,6 +401,8 @@ pub(crate) struct ScreenModel {
     pub message: Option<(MessageWeight, String)>,
     /// When the message came, since the start of the program.
     pub message_since: Duration,
+    /// Why the record of a run could not be written. It stays until a run is recorded again.
+    pub unrecorded: Option<String>,
     pub bench: Loaded<BenchView>,
     pub bench_path: String,
     pub plan: Loaded<PlanView>,
@@ -424,6 +441,16 @@ pub(crate) struct ScreenModel {
     pub choices: super::setup_form::Choices,
 }
 
+impl Scan {
+    /// Keeps a character that was typed while a question was open, and forgets what no scan can reach back to.
+    pub(crate) fn keep_unseen(&mut self, character: char) {
+        self.unseen.push(character);
+        if self.unseen.chars().count() > MAX_CHARACTERS {
+            self.unseen.remove(0);
+        }
+    }
+}
+
 impl ScreenModel {
     pub(crate) fn new(lang: Lang, look: Look, now: Now) -> Self {
         Self {
@@ -435,6 +462,7 @@ impl ScreenModel {
             over: Vec::new(),
             message: look.poor.then(|| (MessageWeight::Warning, lang.texts().no_glyphs.to_owned())),
             message_since: now.since_start,
+            unrecorded: None,
             bench: Loaded::Loading,
             bench_path: String::new(),
             plan: Loaded::Loading,
@@ -505,11 +533,18 @@ impl ScreenModel {
         progress.iter().find_map(|each| Some((each.item.as_str(), each.guidance.as_deref()?)))
     }
 
-    /// Bench time of the captures that a stop would lose.
+    /// Bench time of the captures that a stop would lose: those under way, and those of finished items that a resumed run
+    /// makes anew.
     pub(crate) fn lost_s(&self) -> f64 {
-        let run = self.run.as_ref().filter(|run| !run.over);
-        let guided = run.into_iter().flat_map(|run| &run.progress).filter_map(|each| each.guidance.as_deref());
-        guided.map(Guidance::lost_s).sum()
+        let Some(run) = self.run.as_ref().filter(|run| !run.over) else { return 0.0 };
+        let guided = run.progress.iter().filter_map(|each| each.guidance.as_deref());
+        let finished = |program: &&ProgramView| {
+            let row = run.state.row(&program.item);
+            row.is_some_and(|row| row.planned.selected && row.is_over() && !row.attempts.is_empty())
+        };
+        let programs = self.plan.ready().map_or(&[][..], |plan| &plan.programs);
+        let anew = programs.iter().filter(finished).map(|program| program.anew_s);
+        guided.map(Guidance::lost_s).chain(anew).sum()
     }
 
     /// The run that the page shows, if it shows one.
@@ -544,8 +579,13 @@ impl ScreenModel {
 
     /// Warns of something that no key caused. It does not replace an error, which matters more.
     pub(crate) fn mention(&mut self, text: impl Into<String>) {
+        self.say_aside(MessageWeight::Warning, text);
+    }
+
+    /// Tells something that no key caused, unless an error is on the screen.
+    pub(crate) fn say_aside(&mut self, weight: MessageWeight, text: impl Into<String>) {
         if !matches!(self.message, Some((MessageWeight::Error, _))) {
-            self.say(MessageWeight::Warning, text);
+            self.say(weight, text);
         }
     }
 

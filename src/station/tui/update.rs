@@ -159,9 +159,11 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         Msg::Key(key) => return keys::key(model, key),
         Msg::Scan(scanned) => return scan::scan(model, &scanned),
         Msg::ScannerLost { why } => {
-            model.say(MessageWeight::Warning, words(model.texts.scanner_lost, &[&why]));
+            model.mention(words(model.texts.scanner_lost, &[&why]));
         }
-        Msg::ScannerBack { port } => model.say(MessageWeight::Info, words(model.texts.scanner_back, &[&port])),
+        Msg::ScannerBack { port } => {
+            model.say_aside(MessageWeight::Info, words(model.texts.scanner_back, &[&port]));
+        }
         Msg::Event(event) => return run::event(model, &event),
         Msg::Progress(progress) => {
             if let Some(run) = &mut model.run {
@@ -237,7 +239,7 @@ fn take_operator(model: &mut ScreenModel) {
     let usual = model.bench.ready().and_then(|bench| bench.operator.clone());
     let Some(usual) = usual.filter(|_| model.operator.is_empty()) else { return };
     if usual.remembered {
-        model.say(MessageWeight::Info, words(model.texts.operator_remembered, &[&usual.name]));
+        model.say_aside(MessageWeight::Info, words(model.texts.operator_remembered, &[&usual.name]));
     }
     model.operator = usual.name;
 }

@@ -108,7 +108,7 @@ impl<'a> Line<'a> {
     }
 
     /// Each field with its name, in the order of the columns.
-    fn cells(&self) -> [(&'static str, String); 23] {
+    fn cells(&self) -> [(&'static str, String); 24] {
         let text = |text: Option<&str>| text.map(safe).unwrap_or_default();
         let outcome = |outcome: Option<Outcome>| outcome.map(Outcome::as_str).unwrap_or_default().to_owned();
         let time = |time: Option<DateTime<FixedOffset>>| {

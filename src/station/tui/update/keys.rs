@@ -36,9 +36,34 @@ fn is_text(key: Key) -> bool {
     matches!(key, Key::Char(_) | Key::Pasted(_) | Key::Backspace)
 }
 
+/// Whether a question waits for its keys.
+pub(super) fn is_asking(place: KeyContext) -> bool {
+    matches!(
+        place,
+        KeyContext::Prompt | KeyContext::Confirm | KeyContext::Changed | KeyContext::Interrupted | KeyContext::Stopping
+    )
+}
+
+/// Text that a hand types while a question waits is for nobody. The beginning of a scan may be among it, so it is kept
+/// out of sight until the scan takes it back. `Some`: the key was text, or ended a scan.
+#[expect(clippy::option_option, reason = "whether the key was taken, and what it asks for")]
+fn in_question(model: &mut ScreenModel, key: Key) -> Option<Option<Effect>> {
+    match key {
+        Key::Enter | Key::Tab if model.scan.typed_by_scanner => return Some(scan::finish_typed(model).unwrap_or(None)),
+        Key::Char(character) | Key::Pasted(character) => model.scan.keep_unseen(character),
+        Key::Backspace => drop(model.scan.unseen.pop()),
+        Key::Control => model.scan.unseen.clear(),
+        _ => return None,
+    }
+    Some(None)
+}
+
 /// Adds text to the serial number, or to the search of the records. `Some`: the key was text, or ended it.
 #[expect(clippy::option_option, reason = "whether the key was taken, and what it asks for")]
 fn typed(model: &mut ScreenModel, place: KeyContext, key: Key) -> Option<Option<Effect>> {
+    if is_asking(place) {
+        return in_question(model, key);
+    }
     let searching = matches!(place, KeyContext::Records);
     let typing = if searching { !model.records.search.is_empty() } else { !model.scan.typed.is_empty() };
     if matches!(key, Key::Enter | Key::Tab) && typing && !searching {

@@ -32,7 +32,7 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
     if run.state.apply(event).is_err() {
         // The terminal was so far behind that events were lost. The record has them all.
         run.events_lost = true;
-        model.say(MessageWeight::Warning, model.texts.events_lost);
+        model.mention(model.texts.events_lost);
         return None;
     }
     if let EventKind::OtherModule(OtherModule { scanned, found }) = &event.kind {
@@ -88,7 +88,7 @@ pub(super) fn broke_off(model: &mut ScreenModel, serial_number: &str, run: Optio
     };
     let at = run.at.format("%F %H:%M").to_string();
     let said = words(template, &[&gnc_text::printable(serial_number), &at]);
-    model.say(MessageWeight::Warning, said);
+    model.mention(said);
 }
 
 /// Takes what the records say of the module.
@@ -122,18 +122,28 @@ pub(super) fn over(
             let first = why.lines().next().unwrap_or_default();
             Some((MessageWeight::Error, words(texts.run_refused, &[first])))
         }
-        (Some(error), None) => Some((MessageWeight::Error, words(texts.store_error, &[error]))),
+        // It has a place of its own, where it stays.
+        (Some(_), None) => None,
         (None, None) if run.power_unknown() => Some((MessageWeight::Warning, texts.watchdog_acts.to_owned())),
         (None, None) => None,
     };
-    run.store_error = store_error;
+    let recorded = verdict.is_some() || !run.ends.is_empty();
+    run.store_error.clone_from(&store_error);
     let missed = run.folder.clone().filter(|_| run.events_lost);
     let nothing_done = run.ends.is_empty() && run.state.header().is_none() && !run.events_lost;
     if nothing_done && refusal.is_some() {
         model.run = None;
     }
-    if let Some((weight, what)) = said {
-        model.say(weight, what);
+    if let Some(error) = store_error {
+        model.unrecorded = Some(words(texts.store_error, &[&error]));
+    } else if recorded {
+        model.unrecorded = None;
+    }
+    match said {
+        // An error of the run, as that of another module in the socket, matters more.
+        Some((MessageWeight::Warning, what)) => model.mention(what),
+        Some((weight, what)) => model.say(weight, what),
+        None => {}
     }
     // The question whether to stop the run needs no answer any more.
     model.over.retain(|over| !matches!(over, Over::Leave | Over::Stop { .. }));

@@ -82,6 +82,10 @@ fn take_scanned(model: &mut ScreenModel, number: &str, typed: &InputField) -> Op
 /// Takes characters back that were given as keys before they turned out to be the beginning of a scan.
 fn take_back(model: &mut ScreenModel, count: usize) -> String {
     let searching = model.place() == KeyContext::Records;
+    if super::keys::is_asking(model.place()) {
+        let kept = model.scan.unseen.chars().count().saturating_sub(count);
+        return std::mem::take(&mut model.scan.unseen).chars().skip(kept).collect();
+    }
     let field = match model.over.last_mut() {
         Some(Over::Setup(form)) => form.field_here(),
         _ if searching => Some(&mut model.records.search),

@@ -6,10 +6,9 @@ use ratatui::layout::Rect;
 use ratatui::style::Color;
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Circle, Line as Stroke};
 
-use super::{module, style};
+use super::{module, style, text};
 use crate::tui::model::{Glyphs, ScreenModel};
 
 /// Rows that the picture of a request needs.
@@ -71,7 +70,7 @@ fn switches(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, on: Option<u
     ];
     let width = 5 * 4 + 2 + super::text::width(texts.on).max(super::text::width(texts.off)) as u16;
     let place = Rect { x: area.x + area.width.saturating_sub(width) / 2, width: width.min(area.width), ..area };
-    frame.render_widget(Paragraph::new(lines), place);
+    text::lines(frame, lines, place);
 }
 
 /// The table from above: its mark at the top, and where the module's reference axis is to point.

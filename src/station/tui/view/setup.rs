@@ -4,7 +4,6 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 
 use super::panels::{block, mistakes};
 use super::{style, text};
@@ -49,15 +48,15 @@ pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area
         .collect();
     lines.push(Line::raw(""));
     lines.extend(text::wrap(texts.setup_hint, cells).into_iter().map(|line| Line::styled(line, style::faint())));
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
     match (&model.bench, &model.plan) {
         (Loaded::Refused(why), _) | (_, Loaded::Refused(why)) => mistakes(model, frame, below, why),
         (_, Loaded::Ready(plan)) => {
             let good = fill(texts.plan_good, &[&plan.items.len().to_string()]);
             let line = format!(" {} {}: {good}", text::shown(&plan.name), text::shown(&plan.version));
-            frame.render_widget(Line::raw(line), below);
+            text::lines(frame, [Line::raw(line)], below);
         }
-        _ => frame.render_widget(Line::raw(format!(" {}", texts.loading)), below),
+        _ => text::lines(frame, [Line::raw(format!(" {}", texts.loading))], below),
     }
 }
 
