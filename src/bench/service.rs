@@ -33,6 +33,7 @@ use crate::clock::{self, ClockError};
 use crate::control::RunControl;
 use crate::fixture::Fixture;
 use crate::journal::RunJournal;
+use crate::questions::Answers;
 use crate::runner::{self, Ending, Live, RunOrder};
 
 pub use plan::CheckedPlan;
@@ -77,6 +78,8 @@ pub struct RunRequest {
     pub selection: Option<Vec<String>>,
     /// The program that makes the request.
     pub program: ProgramVersion,
+    /// Who answers the questions of the plan.
+    pub answers: Answers,
     /// What the run does after a bad item, in place of the plan's own setting. [`OnFail::Stop`] also ends the rounds.
     pub on_fail: Option<OnFail>,
     /// How often the plan is run.
@@ -314,7 +317,8 @@ impl Ready {
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
         let found = seal_interrupted(&records, key.as_ref());
-        let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
+        let answers = request.answers.clone();
+        let order = RunOrder { job, header, target, can, fixture, answers, site, resumed, one_by_one, nonce, found };
         Ok(Self { order, records, key, clock_is_right })
     }
 

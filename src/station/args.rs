@@ -95,6 +95,10 @@ pub(crate) struct RunArgs {
     /// Name of the operator.
     #[arg(long, value_name = "NAME")]
     pub operator: Option<String>,
+    /// The answer to a question of the plan, by the question's name; may be given several times. Questions without an answer are
+    /// asked on the terminal.
+    #[arg(long = "answer", value_name = "NAME=VALUE", value_parser = parse_answer, requires = "auto")]
+    pub answers: Vec<(String, String)>,
     /// Name of the station; by default the one in the bench file.
     #[arg(long, value_name = "ID")]
     pub station: Option<String>,
@@ -157,6 +161,11 @@ impl From<OnFailArg> for OnFail {
             OnFailArg::Continue => Self::Continue,
         }
     }
+}
+
+fn parse_answer(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("write the name of the question, =, and the answer: tp4=3.3")?;
+    Ok((name.trim().to_owned(), value.to_owned()))
 }
 
 fn parse_time(text: &str) -> Result<std::time::Duration, String> {

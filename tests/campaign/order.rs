@@ -43,6 +43,7 @@ pub(super) fn order(
         serial_number: "T-1".to_owned(),
         operator: None,
         selection: None,
+        answers: gnc_bench::questions::Answers::default(),
         program: ProgramVersion {
             name: env!("CARGO_PKG_NAME").to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -125,6 +125,10 @@ impl Writer {
                     printable(&board.link)
                 ));
             }
+            EventKind::Prompted { text, question: Some(_), .. } => {
+                self.say(&format!(">> {} (< and Enter: back)", printable(text)));
+                self.ring();
+            }
             EventKind::Prompted { text, .. } if !self.answered_by_itself() => {
                 self.say(&format!(">> {} (n and Enter: not possible)", printable(text)));
                 self.ring();

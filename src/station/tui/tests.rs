@@ -1,6 +1,7 @@
 //! Every screen in every language at its two sizes, and what keys do. Time stands still in all of them.
 
 mod captures;
+mod questions;
 #[cfg(feature = "sim")]
 mod same;
 mod scans;

@@ -1,13 +1,14 @@
 //! Applies messages to the model, and returns the effects that they ask for.
 
 mod keys;
+mod question;
 mod run;
 mod scan;
 mod start;
 
 use std::path::PathBuf;
 
-use gnc_bench::fixture::Ask;
+use gnc_bench::fixture::{Ask, Reply};
 use gnc_board::Readings;
 use gnc_executive::event::Event;
 use gnc_executive::standing::Standing;
@@ -120,7 +121,7 @@ pub(crate) enum Effect {
     Stop,
     Pause(bool),
     AbortItem(String),
-    Answer(bool),
+    Answer(Reply),
     Choose {
         plan: String,
         bench: String,

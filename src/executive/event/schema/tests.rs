@@ -31,8 +31,12 @@ fn events() -> Vec<Value> {
         let breach = BoardBreach { section: 9, what: "x".to_owned(), count: 2, worst: None, safety: false };
         for kind in [
             EventKind::StopRequested { how: StopHow::AtOnce, by: "SIGTERM".to_owned() },
-            EventKind::Prompted { item: None, text: "turn the module".to_owned() },
-            EventKind::Answered { item: Some("imu".to_owned()), answer: String::new() },
+            EventKind::Prompted { item: None, text: "turn the module".to_owned(), question: None },
+            EventKind::Answered {
+                item: Some("imu".to_owned()),
+                answer: String::new(),
+                question: Some("lid".to_owned()),
+            },
             EventKind::OtherModule(OtherModule { scanned: "A".to_owned(), found: "B".to_owned() }),
             EventKind::BoardRebooted { item: None, boot_id: "7".to_owned() },
             EventKind::BoardBreach(BoardBreach { worst: Some("3 ms".to_owned()), safety: true, ..breach.clone() }),

@@ -24,6 +24,15 @@ pub(crate) fn run_plan(
     options: &BenchOptions,
     watch: impl Fn(&Event, &RunControl) + Send + 'static,
 ) -> RunState {
+    run_request(&request(plan), options, watch)
+}
+
+/// The same for a request.
+pub(crate) fn run_request(
+    request: &RunRequest,
+    options: &BenchOptions,
+    watch: impl Fn(&Event, &RunControl) + Send + 'static,
+) -> RunState {
     let (told, events) = mpsc::sync_channel(1000);
     let control = RunControl::default();
     let asks = control.clone();
@@ -35,7 +44,7 @@ pub(crate) fn run_plan(
         }
         state
     });
-    let done = serve(&request(plan), options, &control, Told { events: Some(told) });
+    let done = serve(request, options, &control, Told { events: Some(told) });
     assert_eq!(done.expect("a run").verdicts.len(), 1);
     observer.join().expect("an observer")
 }
@@ -48,6 +57,7 @@ pub(crate) fn request(plan: &str) -> RunRequest {
         serial_number: "SN".to_owned(),
         operator: None,
         selection: None,
+        answers: gnc_bench::questions::Answers::default(),
         program: ProgramVersion { name: "control".to_owned(), version: "0".to_owned(), build: None },
         on_fail: None,
         rounds: Rounds::Once,
