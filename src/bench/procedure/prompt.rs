@@ -88,8 +88,8 @@ impl Asker<'_> {
         let value = question
             .read(typed)
             .map_err(|error| FixtureError::NoAnswer { question: question.name.clone(), why: error.to_string() })?;
-        self.recorder.asked(question, &format!("{} The command line answers.", question.words.en)).await?;
-        self.recorder.told(question, typed).await?;
+        let (name, words) = (&question.name, &question.words.en);
+        self.recorder.note(&format!("The command line answers {name} ({words}): {typed}")).await?;
         Ok(Given { typed: typed.to_owned(), value, by: COMMAND_LINE.to_owned(), at: clock::now() })
     }
 
@@ -130,11 +130,11 @@ impl Asker<'_> {
         loop {
             let asked = QuestionAsked { question: Arc::clone(question), limit: limit.clone(), back, problem };
             let ask = Ask::Question(Box::new(asked));
-            self.recorder.asked(question, &ask.to_string()).await?;
             if matches!(self.person, Asked::Nobody) {
                 let question = format!("{} ({})", question.name, question.words.en);
                 return Err(FixtureError::NobodyAnswers { question }.into());
             }
+            self.recorder.asked(question, &ask.to_string()).await?;
             let typed = match self.person.reply(&ask, self.recorder).await? {
                 Reply::NotPossible => {
                     self.recorder.told(question, "not possible").await?;

@@ -126,7 +126,7 @@ impl Writer {
                 ));
             }
             EventKind::Prompted { text, question: Some(_), .. } => {
-                self.say(&format!(">> {} (< and Enter: back)", printable(text)));
+                self.say(&format!(">> {}", printable(text)));
                 self.ring();
             }
             EventKind::Prompted { text, .. } if !self.answered_by_itself() => {

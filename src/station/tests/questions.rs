@@ -151,7 +151,7 @@ fn a_person_answers_and_the_record_has_it() {
     assert_eq!(
         journal(&done.events, "tp4"),
         [
-            "What does the meter at TP4 read? A number in V. Limit: 4.9 .. 5.1 V. Press Enter when it is typed.",
+            "What does the meter at TP4 read? A number in V. Limit: 4.9 .. 5.1 V. Press Enter when it is typed. (n: not possible)",
             "5,01 V"
         ]
     );
@@ -159,9 +159,9 @@ fn a_person_answers_and_the_record_has_it() {
     assert_eq!(
         look,
         [
-            "How does the housing look? 1 clean, 2 scratched. Limit: == clean. Press Enter when it is typed.",
+            "How does the housing look? 1 clean, 2 scratched. Limit: == clean. Press Enter when it is typed. (n: not possible; <: back)",
             "1",
-            "Look over what is filed: tp4: 5.01 V. gps_board: GPS-00042. look: clean. Press Enter if it is right.",
+            "Look over what is filed: tp4: 5.01 V. gps_board: GPS-00042. look: clean. Press Enter if it is right. (n: not possible; <: back)",
             ""
         ]
     );

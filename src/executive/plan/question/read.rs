@@ -171,7 +171,7 @@ fn kind(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Option<(QuestionKind, Opt
         "choice" => choice(walk, table, span),
         DONE => Some((QuestionKind::Done, Some(Limit::Text(Expected::Literal(DONE.to_owned()))))),
         _ => {
-            let hint = did_you_mean(kind, KINDS.into_iter(), || format!("it may be {}", KINDS.join(", ")));
+            let hint = did_you_mean(kind, KINDS, || format!("it may be {}", KINDS.join(", ")));
             walk.mistake(span, format!("unknown kind {}", quoted(kind)), hint);
             None
         }
