@@ -7,6 +7,7 @@
 mod played;
 
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use gnc_bench::fixture::{OperatorQuestion, Reply};
 use gnc_bench::questions::{Answers, Person};
@@ -15,7 +16,7 @@ use gnc_executive::event::{Event, EventKind};
 use gnc_executive::measurement::Reading;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::state::{Attempt, RunState};
-use hw_mocks::{BenchOptions, Speed};
+use hw_mocks::{BenchControl, BenchOptions, Speed};
 use played::{outcomes, request, run_plan, run_request};
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
@@ -46,6 +47,11 @@ good = ["clean"]
 tp4 = "4.9 V .. 5.1 V"
 "#;
 
+/// Longer than the time limit of the item, 60 s, by three heartbeats, which are 100 s apart at this speed.
+const AWAY_S: u64 = 300;
+/// So fast passes the time while a person is away.
+const SPEED: f64 = 100.0;
+
 /// A run and its events.
 struct Asked {
     attempt: Attempt,
@@ -58,9 +64,15 @@ fn options() -> BenchOptions {
 }
 
 fn run(request: &RunRequest) -> Asked {
+    run_at(request, &options(), |_| {})
+}
+
+/// The same; `started` hears of the bench before the run.
+fn run_at(request: &RunRequest, options: &BenchOptions, started: impl FnOnce(BenchControl)) -> Asked {
     let events = Arc::new(Mutex::new(Vec::new()));
     let told = Arc::clone(&events);
-    let state = run_request(request, &options(), move |event, _| told.lock().expect("a list").push(event.clone()));
+    let state =
+        run_request(request, options, move |event, _| told.lock().expect("a list").push(event.clone()), started);
     let attempts = &state.rows()[0].attempts;
     assert_eq!((outcomes(&state).len(), attempts.len()), (1, 1));
     let events = events.lock().expect("a list").clone();
@@ -248,6 +260,29 @@ fn one_goes_back_to_the_first_question() {
 fn nobody_goes_back_beyond_the_first_question() {
     let done = with_person(Answers::default(), &[Reply::Back, text("5"), text("GPS-00042"), text("1"), Reply::Done]);
     assert_eq!(done.attempt.outcome, Some(Outcome::Passed));
+}
+
+/// A person goes away for longer than the time limit of the item, by the clock of the board. The run waits, and nothing
+/// fails.
+#[test]
+fn who_goes_away_fails_nothing() {
+    let (screen, mut questions) = mpsc::channel::<OperatorQuestion>(4);
+    let (tell_bench, bench) = std::sync::mpsc::channel::<BenchControl>();
+    let person = std::thread::spawn(move || {
+        let bench = bench.recv().expect("a bench");
+        let replies = [text("5"), text("GPS-00042"), text("1"), Reply::Done];
+        for (reply, away_s) in replies.into_iter().zip([AWAY_S, 0, 0, 0]) {
+            let question = questions.blocking_recv().expect("a question");
+            bench.sleep(Duration::from_secs(away_s)).expect("a bench");
+            question.answer.send(reply).expect("somebody waits");
+        }
+    });
+    let asked = RunRequest { answers: Answers::default().with(Person::Screen(screen)), ..request(PLAN) };
+    // At full speed the board's clock leaps, and the station would not see that time passes.
+    let options = BenchOptions { speed: Speed::Times(SPEED), ..options() };
+    let done = run_at(&asked, &options, |bench| tell_bench.send(bench).expect("a person"));
+    person.join().expect("a person");
+    assert_eq!(done.attempt.outcome, Some(Outcome::Passed), "{:?}", done.attempt.error);
 }
 
 /// "Not possible" says nothing of the module.
