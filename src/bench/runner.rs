@@ -43,6 +43,7 @@ use crate::fixture::Fixture;
 use crate::guidance::Guidance;
 use crate::journal::RunJournal;
 use crate::procedure::{Heat, ModuleSeen, ProcedureError};
+use crate::questions::Answers;
 use crate::turntable;
 use connection::{ConnectError, connect};
 use recovery::{session_lives, spoilt};
@@ -68,6 +69,8 @@ pub(crate) struct RunOrder {
     pub can: Option<CanTarget>,
     /// Turns the module and flips switches.
     pub fixture: Fixture,
+    /// Who answers the questions of the plan.
+    pub answers: Answers,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
     /// The earlier run that is taken up again.

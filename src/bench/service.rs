@@ -36,6 +36,7 @@ use crate::clock::{self, ClockError};
 use crate::control::RunControl;
 use crate::fixture::Fixture;
 use crate::journal::RunJournal;
+use crate::questions::Answers;
 use crate::runner::{self, Ending, Live, RunOrder};
 
 pub use plan::CheckedPlan;
@@ -86,6 +87,8 @@ pub struct RunRequest {
     pub selection: Option<Vec<String>>,
     /// The program that makes the request.
     pub program: ProgramVersion,
+    /// Who answers the questions of the plan.
+    pub answers: Answers,
     /// What the run does after a bad item, in place of the plan's own setting. [`OnFail::Stop`] also ends the rounds.
     pub on_fail: Option<OnFail>,
     /// How often the plan is run.
@@ -347,7 +350,8 @@ impl Ready {
         let sealer = Sealer { station: &header.station, program: &header.program, at, key: key.as_ref() };
         let mut found = seal_interrupted(&records, &sealer);
         found.extend(reuse::of(&records, &header).iter().map(in_words));
-        let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
+        let answers = request.answers.clone();
+        let order = RunOrder { job, header, target, can, fixture, answers, site, resumed, one_by_one, nonce, found };
         Ok(Self { order, records, key, clock_is_right })
     }
 

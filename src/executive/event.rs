@@ -152,6 +152,9 @@ pub enum EventKind {
         item: Option<String>,
         /// What to do.
         text: String,
+        /// Name of the plan's question, if it is one; of the last one if all answers are looked over.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        question: Option<String>,
     },
     /// The prompt was answered.
     Answered {
@@ -159,6 +162,9 @@ pub enum EventKind {
         item: Option<String>,
         /// The answer; empty for a simple "done".
         answer: String,
+        /// Name of the plan's question, if it is one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        question: Option<String>,
     },
     /// Useful information that is not a verdict.
     Note {

@@ -45,6 +45,18 @@
 //! imu.gyro_x = "0 +- 1 deg/s"
 //! [part.GNC-POP-26B.revision.C.limits]   # for this hardware revision of it, in place of both
 //! imu.gyro_x = "0 +- 1.5 deg/s"
+//!
+//! [[item]]
+//! id = "prompt"                      # asks the operator
+//! [[item.ask]]
+//! name = "tp4"                       # required, unique in the plan; the measurement that the answer is
+//! en = "What does the meter read?"   # required; zh and ru beside it
+//! kind = "number"                    # required; or "text", "choice", "done"
+//! unit = "V"                         # of a number without a unit
+//! pattern = "GPS-[0-9]{5}"           # of a text
+//! choices = ["clean", "scratched"]   # of a choice
+//! good = ["clean"]                   # the choices that pass
+//! picture = "tp4.png"                # path beside this file
 //! ```
 //!
 //! If several limits fit one measurement, an exact name counts more than a pattern, and a later pattern more than an
@@ -55,15 +67,18 @@ mod item;
 mod limits;
 mod params;
 mod part;
+mod question;
 mod resume;
 mod schema;
 
+use std::borrow::Cow;
 use std::fmt;
+use std::sync::Arc;
 
 use gnc_config::{Mistake, Mistakes, SourceText};
 use serde::{Deserialize, Serialize};
 
-use crate::catalogue::{Device, ItemId, MeasurementSpec};
+use crate::catalogue::{Device, ItemId};
 use crate::limit::Limit;
 use crate::measurement::{Measurement, Value};
 use crate::numbers::NumberField;
@@ -74,6 +89,7 @@ use crate::serial_number::SerialNumberPattern;
 use crate::uncertainty::Decision;
 
 pub use params::{ParamError, ParamValue, Params};
+pub use question::{AnswerError, DONE, Question, QuestionKind, QuestionWords};
 pub use resume::ResumeRules;
 pub use schema::plan_schema;
 
@@ -192,24 +208,19 @@ pub struct PlanItem {
     pub prompt: Option<String>,
     /// Every parameter of the catalogue, with its default if the plan gives no value.
     pub params: Params,
+    /// What a person is asked, in this order; only an item `prompt` has questions.
+    pub questions: Vec<Arc<Question>>,
     limits: Vec<ItemLimit>,
     place: ItemPlace,
 }
 
 /// The limit of one measurement.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ItemLimit {
-    /// The measurement in the catalogue.
-    pub measurement: &'static MeasurementSpec,
+    /// Name of the measurement: in the catalogue, or of a question.
+    pub measurement: Cow<'static, str>,
     /// Its limit.
     pub limit: Limit,
-}
-
-impl PartialEq for ItemLimit {
-    /// Names are unique within an item, so the name stands for the measurement.
-    fn eq(&self, other: &Self) -> bool {
-        self.measurement.name == other.measurement.name && self.limit == other.limit
-    }
 }
 
 /// The place of an item: file and bytes of its id.
@@ -287,9 +298,12 @@ impl Plan {
         for (position, limits) in of_part.into_iter().chain([own]).flat_map(|table| &table.items) {
             let Some(item) = plan.items.get_mut(*position) else { continue };
             limits.iter().for_each(|limit| part::put(&mut item.limits, limit.clone()));
-            // In the order of the catalogue, as items have them.
-            let spec = item.id.spec();
-            let place = |limit: &ItemLimit| spec.measurements.iter().position(|one| one.name == limit.measurement.name);
+            // In the order of the catalogue or of the questions, as items have them.
+            let (spec, questions) = (item.id.spec(), &item.questions);
+            let place = |limit: &ItemLimit| {
+                let in_catalogue = spec.measurements.iter().position(|one| one.name == limit.measurement);
+                in_catalogue.or_else(|| questions.iter().position(|one| one.name == limit.measurement))
+            };
             item.limits.sort_by_key(place);
         }
         Some(plan)
@@ -342,20 +356,29 @@ impl PlanItem {
     }
 
     /// All limits, in the order of the catalogue.
-    pub fn limits(&self) -> impl Iterator<Item = (&'static str, &Limit)> {
-        self.limits.iter().map(|limit| (limit.measurement.name, &limit.limit))
+    pub fn limits(&self) -> impl Iterator<Item = (&str, &Limit)> {
+        self.limits.iter().map(|limit| (&*limit.measurement, &limit.limit))
     }
 
     /// The limit of a measurement.
     pub fn limit(&self, measurement: &str) -> Option<&Limit> {
-        self.limits.iter().find(|limit| limit.measurement.name == measurement).map(|limit| &limit.limit)
+        self.limits.iter().find(|limit| limit.measurement == measurement).map(|limit| &limit.limit)
+    }
+
+    /// The unit in which a measurement is shown if no limit chooses one.
+    fn unit_of(&self, measurement: &str) -> Unit {
+        let asked = self.questions.iter().find(|question| question.name == measurement);
+        match asked.map(|question| &question.kind) {
+            Some(QuestionKind::Number { unit }) => *unit,
+            _ => self.id.spec().measurement(measurement).map_or(Unit::Count, |spec| spec.unit),
+        }
     }
 
     /// Judges a measured value. A measurement that is not in the catalogue has no limit and is information.
     ///
     /// `repeat` counts the rounds within an attempt from 1; it is recorded only if the plan repeats.
     pub fn judge(&self, name: &str, value: &Value, repeat: u32, serial_number: &str) -> Measurement {
-        let shown = self.id.spec().measurement(name).map_or(Unit::Count, |spec| spec.unit);
+        let shown = self.unit_of(name);
         let mut measurement = Measurement::judge(name, value, shown, self.limit(name), self.decision, serial_number);
         measurement.repeat = (self.repeats > 1).then_some(repeat);
         measurement
@@ -377,7 +400,7 @@ impl PlanItem {
             return told.unwrap_or(Outcome::Errored);
         }
         let complete = self.limits.iter().all(|limit| {
-            let rounds = measurements.iter().filter(|measurement| measurement.name == limit.measurement.name);
+            let rounds = measurements.iter().filter(|measurement| measurement.name == limit.measurement);
             rounds.count() >= self.repeats as usize
         });
         if !complete || judged(false).is_some() {
@@ -388,11 +411,11 @@ impl PlanItem {
     }
 
     /// Names of limited measurements that never came, for the message of an errored attempt.
-    pub fn missing<'a>(&'a self, measurements: &'a [Measurement]) -> impl Iterator<Item = &'static str> + 'a {
+    pub fn missing<'a>(&'a self, measurements: &'a [Measurement]) -> impl Iterator<Item = &'a str> + 'a {
         self.limits
             .iter()
-            .map(|limit| limit.measurement.name)
-            .filter(|name| !measurements.iter().any(|measurement| measurement.name == *name))
+            .map(|limit| &*limit.measurement)
+            .filter(|name| !measurements.iter().any(|measurement| measurement.name == **name))
     }
 }
 

@@ -468,11 +468,11 @@ impl RunState {
                 }
                 self.pass_closed();
             }
-            EventKind::Prompted { item, text } => {
+            EventKind::Prompted { item, text, .. } => {
                 let text = format!("asked: {text}");
                 self.note(Note { stamp, level: NoteLevel::Info, text, item: item.clone() });
             }
-            EventKind::Answered { item, answer } => {
+            EventKind::Answered { item, answer, .. } => {
                 let text = if answer.is_empty() { "answered".to_owned() } else { format!("answered: {answer}") };
                 self.note(Note { stamp, level: NoteLevel::Info, text, item: item.clone() });
             }

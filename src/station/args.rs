@@ -108,6 +108,10 @@ pub(crate) struct RunArgs {
     /// Name of the operator.
     #[arg(long, value_name = "NAME")]
     pub operator: Option<String>,
+    /// The answer to a question of the plan, by the question's name; may be given several times. Questions without an answer are
+    /// asked on the terminal.
+    #[arg(long = "answer", value_name = "NAME=VALUE", value_parser = parse_answer, requires = "auto")]
+    pub answers: Vec<(String, String)>,
     /// Name of the station; by default the one in the bench file.
     #[arg(long, value_name = "ID")]
     pub station: Option<String>,
@@ -199,6 +203,11 @@ impl From<OnFailArg> for OnFail {
 fn parse_number(text: &str) -> Result<(String, String), String> {
     let (key, number) = text.split_once('=').ok_or_else(|| "write KEY=NUMBER, like order=PO-1234".to_owned())?;
     Ok((key.trim().to_owned(), number.trim().to_owned()))
+}
+
+fn parse_answer(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("write the name of the question, =, and the answer: tp4=3.3")?;
+    Ok((name.trim().to_owned(), value.to_owned()))
 }
 
 fn parse_time(text: &str) -> Result<std::time::Duration, String> {

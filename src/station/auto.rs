@@ -9,12 +9,14 @@ mod junit;
 use std::io::{self, IsTerminal as _};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 use gnc_bench::control::RunControl;
 use gnc_bench::fixture::{Fixture, Operator};
+use gnc_bench::questions::{Answers, Person};
 use gnc_bench::runner::{Ending, Live};
 use gnc_bench::service::{self, Observer, Rounds, RunRequest, ServiceError};
+use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
@@ -72,6 +74,14 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     let plan = files::plan(path)?;
     let bench = setup::check(args)?;
     let operator = bench.habits.operator(args.operator.as_deref())?;
+    let answers =
+        Answers::given(&args.answers, plan.plan()).map_err(|wrong| CommandRefusal::new(wrong.what, &wrong.hint))?;
+    // A simulated bench does all by itself but for answering.
+    let simulated = bench.bench.kind == BenchKind::Simulated;
+    let answers = match simulated && answers.lack(plan.plan()) && io::stdin().is_terminal() {
+        true => answers.with(Person::Terminal(Arc::new(terminal()?))),
+        false => answers,
+    };
     let setup = bench.open(&serial_number, at_the_terminal)?;
     let resume = args.resume.as_deref();
     let rounds = match args.until {
@@ -86,6 +96,7 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         numbers: args.numbers.clone(),
         operator,
         selection: args.only.clone(),
+        answers,
         program: program(),
         on_fail: args.on_fail.map(OnFail::from),
         rounds,
@@ -104,15 +115,18 @@ fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
     serial_number::check(given).map_err(|error| CommandRefusal::new(error, "scan the module's label again"))
 }
 
+/// The operator at the terminal.
+fn terminal() -> Result<Operator, CommandRefusal> {
+    let operator = Operator::at_the_terminal();
+    operator.map_err(|error| CommandRefusal::new(format!("cannot read from the terminal: {error}"), ""))
+}
+
 /// Returns the operator at the terminal as the fixture, or an absent fixture without a terminal.
 fn at_the_terminal() -> Result<Fixture, CommandRefusal> {
     if !io::stdin().is_terminal() {
         return Ok(Fixture::Absent);
     }
-    let operator = Operator::at_the_terminal();
-    operator
-        .map(Fixture::Operator)
-        .map_err(|error| CommandRefusal::new(format!("cannot read from the terminal: {error}"), ""))
+    terminal().map(Fixture::Operator)
 }
 
 /// Carries out what was prepared. Returns the worst verdict.

@@ -41,6 +41,7 @@ pub(crate) fn request(plan: &str) -> RunRequest {
         numbers: Vec::new(),
         operator: None,
         selection: None,
+        answers: gnc_bench::questions::Answers::default(),
         program: ProgramVersion { name: "resume".to_owned(), version: "0".to_owned(), build: None },
         on_fail: None,
         rounds: Rounds::Once,

@@ -52,6 +52,10 @@ pub fn events_schema() -> Result<Value, serde_json::Error> {
     }))
 }
 
+/// What names the question of a request.
+const QUESTION: &str =
+    "Name of the plan's question, or of the last one if all answers are looked over; absent for other requests.";
+
 /// A field of an event: its name, whether it is always there, and its schema.
 type Field = (&'static str, bool, Value);
 
@@ -228,12 +232,16 @@ fn kinds(run: &Value) -> Vec<(&'static str, &'static str, Vec<Field>)> {
         (
             "prompted",
             "The station asked a person to do something.",
-            vec![("item", true, whose()), ("text", true, text("What to do."))],
+            vec![("item", true, whose()), ("text", true, text("What to do.")), ("question", false, text(QUESTION))],
         ),
         (
             "answered",
             "The request was answered.",
-            vec![("item", true, whose()), ("answer", true, text("The answer; empty for a simple \"done\"."))],
+            vec![
+                ("item", true, whose()),
+                ("answer", true, text("The answer; empty for a simple \"done\".")),
+                ("question", false, text(QUESTION)),
+            ],
         ),
         (
             "note",
@@ -343,7 +351,11 @@ fn header() -> Value {
 fn planned_item() -> Value {
     let fields = vec![
         ("name", true, text("Unique name in the plan.")),
-        ("id", true, json!({ "description": "Which item of the catalogue.", "enum": ItemId::ALL.map(ItemId::as_str) })),
+        (
+            "id",
+            true,
+            json!({ "description": "Which item of the catalogue.", "enum": ItemId::ALL.map(ItemId::as_str).to_vec() }),
+        ),
         ("title", true, text("Title for people.")),
         ("phase", true, json!({ "description": "Phase of the run.", "enum": ["setup", "test", "teardown"] })),
         ("optional", true, json!({ "description": "Whether the run is complete without it.", "type": "boolean" })),

@@ -122,7 +122,8 @@ impl Reader<'_> {
             walk.mistake(root.span(), "the plan has no items", "begin each item with a line [[item]]");
         }
         let planned = tables.len();
-        let own: Vec<RawItem> = tables.into_iter().filter_map(|table| item::read(&walk, table, index)).collect();
+        let own: Vec<RawItem> =
+            tables.into_iter().filter_map(|table| item::read(&walk, table, (index, &source.name))).collect();
         self.unreadable |= own.len() < planned;
         root.finish();
         self.mistakes = walk.into_mistakes();
@@ -279,10 +280,25 @@ fn link(mut raw: Vec<RawItem>, sources: &[SourceText], unreadable: bool, mistake
             }),
         }
     }
+    check_questions(&raw, sources, mistakes);
     let linker = Linker { raw: &raw, positions: &positions, sources, unreadable };
     let requires: Vec<Vec<usize>> = (0..raw.len()).map(|position| linker.requirements(position, mistakes)).collect();
     drop(positions);
     raw.into_iter().zip(requires).map(|(raw, requires)| PlanItem { requires, ..raw.item }).collect()
+}
+
+/// Refuses two questions of one name: an answer on the command line names its question alone.
+fn check_questions(raw: &[RawItem], sources: &[SourceText], mistakes: &mut Mistakes) {
+    let mut seen: HashMap<&str, ()> = HashMap::new();
+    for RawItem { item, question_spans, .. } in raw {
+        for (question, span) in item.questions.iter().zip(question_spans) {
+            if seen.insert(&question.name, ()).is_some() {
+                let what = format!("two questions have the name {}", quoted(&question.name));
+                let hint = "give one of them another name: answers are filed under it";
+                mistakes.add(|| sources[item.place.source].mistake(span.clone(), what, hint));
+            }
+        }
+    }
 }
 
 /// The data to find items by their names.
@@ -378,7 +394,7 @@ impl Linker<'_> {
 /// The name of an included file, relative to the folder of the file that includes it, without `.` and `..` inside.
 ///
 /// `None` for an absolute path: a folder of plans must work after it is moved.
-fn joined(by: &str, include: &str) -> Option<String> {
+pub(super) fn joined(by: &str, include: &str) -> Option<String> {
     let unfit = include.is_empty() || include.len() > PATH_BYTES || include.contains('\\');
     if unfit || include.starts_with('/') || include.chars().any(char::is_control) {
         return None;

@@ -204,9 +204,9 @@ impl Joined {
         let was = |position: usize, limit: &ItemLimit| {
             let of_part = below.and_then(|below| {
                 let (_, limits) = below.items.iter().find(|(other, _)| *other == position)?;
-                limits.iter().find(|other| other.measurement.name == limit.measurement.name).map(|other| &other.limit)
+                limits.iter().find(|other| other.measurement == limit.measurement).map(|other| &other.limit)
             });
-            of_part.or_else(|| items.get(position)?.limit(limit.measurement.name)) == Some(&limit.limit)
+            of_part.or_else(|| items.get(position)?.limit(&limit.measurement)) == Some(&limit.limit)
         };
         let mut all = self.limits.items.iter().flat_map(|(at, limits)| limits.iter().map(move |limit| (*at, limit)));
         // A part whose revisions alone have limits has none itself.
@@ -220,7 +220,7 @@ impl Joined {
 
 /// Puts a limit in the place of the one for the same measurement.
 pub(super) fn put(limits: &mut Vec<ItemLimit>, limit: ItemLimit) {
-    match limits.iter_mut().find(|other| other.measurement.name == limit.measurement.name) {
+    match limits.iter_mut().find(|other| other.measurement == limit.measurement) {
         Some(other) => *other = limit,
         None => limits.push(limit),
     }

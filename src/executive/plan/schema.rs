@@ -121,7 +121,7 @@ pub fn plan_schema() -> Value {
             "item": {
                 "description": "The items, in the order in which they run.",
                 "type": "array",
-                "items": { "oneOf": ItemId::ALL.map(item) }
+                "items": { "oneOf": ItemId::ALL.map(item).to_vec() }
             }
         },
         "$defs": {
@@ -162,7 +162,7 @@ pub fn plan_schema() -> Value {
 
 fn item(id: ItemId) -> Value {
     let spec = id.spec();
-    json!({
+    let mut schema = json!({
         "title": spec.title,
         "type": "object",
         "required": ["id"],
@@ -194,6 +194,49 @@ fn item(id: ItemId) -> Value {
             "prompt": { "description": "What the operator must do before the first attempt.", "type": "string" },
             "params": params(spec),
             "limits": limits(spec)
+        }
+    });
+    if id == ItemId::Prompt {
+        schema["required"] = json!(["id", "ask"]);
+        if let Some(properties) = schema["properties"].as_object_mut() {
+            properties.remove("timeout");
+            properties.insert("ask".to_owned(), questions());
+            let about = "Limits of the answers. Each key is the name of a question.";
+            let limit = json!({ "$ref": "#/$defs/limit_or_band" });
+            let limits = json!({ "description": about, "type": "object", "additionalProperties": limit });
+            properties.insert("limits".to_owned(), limits);
+        }
+    }
+    schema
+}
+
+/// The questions of an item that asks.
+fn questions() -> Value {
+    let text = |about: &str| json!({ "description": about, "type": "string" });
+    let texts = |about: &str| json!({ "description": about, "type": "array", "items": { "type": "string" } });
+    json!({
+        "description": "The questions, in the order in which they are asked.",
+        "type": "array",
+        "minItems": 1,
+        "items": {
+            "type": "object",
+            "required": ["name", "en", "kind"],
+            "additionalProperties": false,
+            "properties": {
+                "name": {
+                    "description": "Unique name in the plan. The answer is a measurement of this name.",
+                    "type": "string", "pattern": "^[a-z][a-z0-9_]{0,63}$"
+                },
+                "en": text("The question in English."),
+                "zh": text("The question in Chinese."),
+                "ru": text("The question in Russian."),
+                "kind": { "description": "What counts as an answer.", "enum": ["text", "number", "choice", "done"] },
+                "pattern": text("A regular expression that the whole text matches."),
+                "unit": text("The unit of the number, if the answer names none."),
+                "choices": texts("The choices."),
+                "good": texts("The choices that pass."),
+                "picture": text("Path of a picture, relative to this file.")
+            }
         }
     })
 }

@@ -126,6 +126,10 @@ impl Writer {
                 ));
             }
             EventKind::LimitsChosen(chosen) => self.say(&format!("limits: {chosen}")),
+            EventKind::Prompted { text, question: Some(_), .. } => {
+                self.say(&format!(">> {}", printable(text)));
+                self.ring();
+            }
             EventKind::Prompted { text, .. } if !self.answered_by_itself() => {
                 self.say(&format!(">> {} (n and Enter: not possible)", printable(text)));
                 self.ring();

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset};
 use gnc_analysis::motion::{self, MotionProgram, MotionStep};
-use gnc_bench::fixture::Ask;
+use gnc_bench::fixture::{Ask, QuestionAsked};
 use gnc_bench::guidance::Guidance;
 use gnc_executive::catalogue::TEMPERATURE_DRIFT;
 use gnc_executive::event::{BenchKind, PlannedItem};
@@ -15,7 +15,7 @@ use gnc_executive::limit::Limit;
 use gnc_executive::numbers::NumberField;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::{LimitsChosen, PartName};
-use gnc_executive::plan::{Phase, PlanItem};
+use gnc_executive::plan::{Phase, PlanItem, QuestionKind};
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
@@ -259,6 +259,28 @@ pub(crate) struct Prompt {
     pub ask: Ask,
     /// When it came, since the start of the program.
     pub since: Duration,
+    /// The answer as far as it is typed.
+    pub typed: InputField,
+}
+
+impl Prompt {
+    /// The question of the plan that it is, if it is one.
+    pub(crate) fn question(&self) -> Option<&QuestionAsked> {
+        match &self.ask {
+            Ask::Question(asked) => Some(asked),
+            _ => None,
+        }
+    }
+
+    /// Whether it is a question of the plan, or the look over the answers.
+    fn has_answer(&self) -> bool {
+        matches!(self.ask, Ask::Question(_) | Ask::LookOver(_))
+    }
+
+    /// Whether it takes words. "Done" is a key.
+    pub(crate) fn takes_words(&self) -> bool {
+        self.question().is_some_and(|asked| asked.question.kind != QuestionKind::Done)
+    }
 }
 
 /// How far a pause is.
@@ -495,6 +517,12 @@ impl ScreenModel {
         self.run.as_ref().is_some_and(|run| !run.over)
     }
 
+    /// Whether what is typed or scanned is the answer to a question of the plan.
+    pub(crate) fn takes_words(&self) -> bool {
+        let prompt = self.run.as_ref().and_then(|run| run.prompt.as_ref());
+        self.place() == KeyContext::Question && prompt.is_some_and(Prompt::takes_words)
+    }
+
     /// The context in which the next key is pressed.
     pub(crate) fn place(&self) -> KeyContext {
         match self.over.last() {
@@ -507,7 +535,8 @@ impl ScreenModel {
             _ => {}
         }
         if self.run.as_ref().is_some_and(|run| run.prompt.is_some()) {
-            return KeyContext::Prompt;
+            let question = self.run.as_ref().and_then(|run| run.prompt.as_ref()).is_some_and(Prompt::has_answer);
+            return if question { KeyContext::Question } else { KeyContext::Prompt };
         }
         match (self.over.last(), self.page) {
             (Some(_), _) => KeyContext::Detail,

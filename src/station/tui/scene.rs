@@ -399,6 +399,8 @@ pub(crate) fn measured(name: &str, value: f64, outcome: Outcome) -> Measurement 
         uncertainty: None,
         decision: None,
         expected: None,
+        one_of: Vec::new(),
+        pattern: None,
         outcome: Some(outcome),
     }
 }

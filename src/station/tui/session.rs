@@ -185,9 +185,9 @@ impl ScreenSession {
                         ending = true;
                         stop(running.as_ref(), "the end of the terminal");
                     }
-                    Some(Effect::Answer(yes)) => {
+                    Some(Effect::Answer(reply)) => {
                         if let Some(question) = waiting.pop_front() {
-                            let _ = question.answer.send(yes);
+                            let _ = question.answer.send(reply);
                         }
                         self.show_question(&waiting);
                     }

@@ -2,13 +2,14 @@
 
 mod keys;
 pub(super) mod numbers;
+mod question;
 mod run;
 mod scan;
 mod start;
 
 use std::path::PathBuf;
 
-use gnc_bench::fixture::Ask;
+use gnc_bench::fixture::{Ask, Reply};
 use gnc_board::Readings;
 use gnc_executive::event::Event;
 use gnc_executive::standing::Standing;
@@ -121,7 +122,7 @@ pub(crate) enum Effect {
     Stop,
     Pause(bool),
     AbortItem(String),
-    Answer(bool),
+    Answer(Reply),
     Choose {
         plan: String,
         bench: String,

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use gnc_bench::control::RunControl;
 use gnc_bench::fixture::{Fixture, OperatorQuestion};
+use gnc_bench::questions::{Answers, Person};
 use gnc_bench::runner::{Ending, Live, looking};
 use gnc_bench::service::{self, Observer, RunRequest};
 use gnc_executive::event::Event;
@@ -119,6 +120,8 @@ fn prepare(
     }
     let questions = handles.questions.clone();
     let setup = bench.open(&start.serial_number, || Ok(Fixture::Screen(questions)))?;
+    // Also a bench that turns its module by itself has the person at the screen.
+    let answers = Answers::default().with(Person::Screen(handles.questions.clone()));
     let request = RunRequest {
         plan: plan.plan.clone(),
         serial_number: start.serial_number,
@@ -126,6 +129,7 @@ fn prepare(
         numbers: start.numbers,
         operator: start.operator,
         selection: start.selection,
+        answers,
         program: auto::program(),
         on_fail: match start.after_failure {
             AfterFailure::AsPlanned => None,

@@ -1,7 +1,9 @@
 //! What keys do in each place.
 
+use gnc_bench::fixture::Reply;
+
 use super::start::{self, ask_to_start};
-use super::{Effect, numbers, scan, set_language, unknown_item, words};
+use super::{Effect, numbers, question, scan, set_language, unknown_item, words};
 use crate::tui::decode::Key;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::live::History;
@@ -21,6 +23,12 @@ pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
         if let Some(Over::Setup(form)) = model.over.last_mut() {
             form.typed(key);
         }
+        return None;
+    }
+    if model.takes_words()
+        && (is_text(key) || matches!(key, Key::Enter | Key::Tab | Key::Control | Key::Up | Key::Down))
+    {
+        question::typed(model, key);
         return None;
     }
     if let Some(command) = typed(model, place, key) {
@@ -118,8 +126,12 @@ fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<
         KeyAction::Take => return take_form(model),
         KeyAction::Back if place == KeyContext::Watching => return leave_watch(model),
         KeyAction::Back => back(model, place),
+        KeyAction::Yes | KeyAction::No | KeyAction::Redo if place == KeyContext::Question => {
+            return question::answer(model, action);
+        }
         KeyAction::Yes
         | KeyAction::No
+        | KeyAction::Redo
         | KeyAction::LoadNew
         | KeyAction::RunChecked
         | KeyAction::TakeUp
@@ -422,7 +434,7 @@ fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
         return None;
     }
     let run = model.run.as_mut()?;
-    run.prompt.take().map(|_| Effect::Answer(yes))
+    run.prompt.take().map(|_| Effect::Answer(if yes { Reply::Done } else { Reply::NotPossible }))
 }
 
 fn verify(model: &mut ScreenModel) -> Option<Effect> {

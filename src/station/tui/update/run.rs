@@ -10,6 +10,7 @@ use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 
 use super::{Effect, words};
+use crate::tui::field::InputField;
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
 
@@ -73,7 +74,7 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
 pub(super) fn asked(model: &mut ScreenModel, item: String, ask: Ask) {
     let since = model.now.since_start;
     if let Some(run) = &mut model.run {
-        run.prompt = Some(Prompt { item, ask, since });
+        run.prompt = Some(Prompt { item, ask, since, typed: InputField::default() });
         model.call();
     }
 }

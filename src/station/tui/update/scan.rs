@@ -13,6 +13,10 @@ use crate::tui::model::{MessageWeight, Over, ScreenModel, ScreenPage};
 
 /// Takes a scan, wherever the operator is. It is never a key and never falls into another field.
 pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) -> Option<Effect> {
+    if model.takes_words() {
+        super::question::scan(model, scanned);
+        return None;
+    }
     let texts = model.texts;
     let before = take_back(model, scanned.taken_back);
     let number = match framing::number(&before, scanned) {
@@ -193,7 +197,7 @@ fn in_words(model: &ScreenModel, error: &SerialNumberError) -> String {
     }
 }
 
-fn words_of(model: &ScreenModel, problem: &ScanProblem) -> String {
+pub(super) fn words_of(model: &ScreenModel, problem: &ScanProblem) -> String {
     let texts = model.texts;
     let shown = |text: &str| gnc_text::printable(text).into_owned();
     match problem {

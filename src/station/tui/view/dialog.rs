@@ -12,7 +12,7 @@ use super::{detail, picture, style, text};
 use crate::files::ChangedFile;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::lang::{self, fill};
-use crate::tui::model::{Glyphs, ScreenModel};
+use crate::tui::model::{Glyphs, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
 
 /// Files that a question names; a plan with more is better looked at in its folder.
@@ -142,19 +142,22 @@ pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let on_no = text::wrap(&fill(texts.on_no, &[&text::shown(&prompt.item)]), cells);
     let answers = answers(model, cells);
     let answer_rows = answers.len() as u16;
-    text::shorten(&mut what, usize::from(area.height.saturating_sub(answer_rows + 2)), cells);
+    let answer = if prompt.takes_words() { text::wrap(&typed(model, prompt), cells) } else { Vec::new() };
+    let typed_rows = answer.len() as u16;
+    text::shorten(&mut what, usize::from(area.height.saturating_sub(answer_rows + typed_rows + 2)), cells);
     let (what_rows, mut on_no_rows) = (what.len() as u16, on_no.len() as u16);
     // What must be done and the answers stay on the smallest screen; the picture goes first, then the rest.
-    let room = area.height.saturating_sub(what_rows + answer_rows + 3);
+    let room = area.height.saturating_sub(what_rows + typed_rows + answer_rows + 3);
     let picture_rows = picture::rows(&prompt.ask);
     let picture_rows = if picture_rows + on_no_rows <= room { picture_rows } else { 0 };
     if on_no_rows + 1 > room {
         on_no_rows = 0;
     }
     let title = format!("{}: {}", texts.prompt_title, text::shown(&prompt.item));
-    let place = over(model, frame, area, &title, what_rows + picture_rows + on_no_rows + answer_rows + 3);
-    let [what_area, picture_area, since_area, no_area, _, answer_area] = Layout::vertical([
+    let place = over(model, frame, area, &title, what_rows + typed_rows + picture_rows + on_no_rows + answer_rows + 3);
+    let [what_area, typed_area, picture_area, since_area, no_area, _, answer_area] = Layout::vertical([
         Constraint::Length(what_rows + u16::from(room > 0)),
+        Constraint::Length(typed_rows),
         Constraint::Length(picture_rows),
         Constraint::Length(u16::from(room > 0)),
         Constraint::Length(on_no_rows),
@@ -164,12 +167,19 @@ pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     .areas(place);
     let strong = |line| Line::styled(line, style::strong());
     text::lines(frame, what.into_iter().map(strong), what_area);
+    let turned = |line| Line::styled(line, style::accent(model.look));
+    text::lines(frame, answer.into_iter().map(turned), typed_area);
     picture::draw(model, frame, picture_area, &prompt.ask);
     let since = duration(model.now.since_start.saturating_sub(prompt.since).as_secs() as f64);
     text::lines(frame, [Line::styled(fill(texts.asked_since, &[&since]), style::faint())], since_area);
     let faint = |line| Line::styled(line, style::faint());
     text::lines(frame, on_no.into_iter().map(faint), no_area);
     text::lines(frame, answers, answer_area);
+}
+
+/// The answer as far as it is typed.
+fn typed(model: &ScreenModel, prompt: &Prompt) -> String {
+    fill(model.texts.answer_typed, &[&format!("{}_", text::shown(prompt.typed.text()))])
 }
 
 /// What the keys do in a place, from the table of keys.

@@ -180,8 +180,9 @@ pub(in crate::tui) fn key_label(model: &ScreenModel, action: KeyAction) -> &'sta
     match action {
         KeyAction::Stop if run.is_some_and(|run| run.stops > 0) => texts.stop_now,
         KeyAction::Pause if run.is_some_and(|run| run.pause == Pause::Asked) => texts.go_on,
-        KeyAction::Yes if model.place() == KeyContext::Prompt => texts.done,
-        KeyAction::No if model.place() == KeyContext::Prompt => texts.not_possible,
+        KeyAction::Yes if model.takes_words() => texts.answer_takes,
+        KeyAction::Yes if [KeyContext::Prompt, KeyContext::Question].contains(&model.place()) => texts.done,
+        KeyAction::No if [KeyContext::Prompt, KeyContext::Question].contains(&model.place()) => texts.not_possible,
         _ => (texts.key)(action).short,
     }
 }

@@ -17,7 +17,8 @@ pub(super) fn rows(ask: &Ask) -> u16 {
         Ask::Switches(_) | Ask::SwitchesAgain { .. } => 6,
         Ask::Heading { .. } => 9,
         Ask::Lay(_) | Ask::Turn { orientation: Some(_), .. } | Ask::Spin { orientation: Some(_), .. } => 10,
-        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => 0,
+        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable => 0,
+        Ask::Words(_) | Ask::Question(_) | Ask::LookOver(_) => 0,
         Ask::Resumed { next, .. } => rows(next),
     }
 }
@@ -34,7 +35,8 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, ask: 
         Ask::Spin { orientation: Some(orientation), rate_dps } => {
             module::draw(model, frame, area, orientation, Some(rate_dps.signum()));
         }
-        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => {}
+        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable => {}
+        Ask::Words(_) | Ask::Question(_) | Ask::LookOver(_) => {}
         Ask::Resumed { next, .. } => draw(model, frame, area, next),
     }
 }
