@@ -281,6 +281,29 @@ fn each_station_closes_its_own_runs() {
     assert_eq!(shelf.seal(&run), Seal::Flawed(Flaw::ClosedLate));
 }
 
+/// Another module was in the socket: such a run moves before it is closed, and the power may fail between the two steps of
+/// the move.
+#[test]
+fn a_run_of_another_module_is_closed_late_where_it_belongs() {
+    let shelf = Shelf::new();
+    shelf.closed("SN-0", "10:00:00");
+    let run = shelf.ended("SN-1", STATION, "14:30:00");
+    let text = journal("SN-1", STATION, "14:30:00");
+    let (begun, ended) = text.split_once('\n').unwrap();
+    let at = format!("{DAY}T14:30:00+08:00");
+    let other =
+        json!({ "seq": 1, "at": at, "elapsed_us": 2, "kind": "other_module", "scanned": "SN-1", "found": "SN-9" });
+    let ended = ended.replace("\"seq\":1", "\"seq\":2").replace("passed", "errored");
+    fs::write(run.join(JOURNAL), format!("{begun}\n{other}\n{ended}")).unwrap();
+    let unassigned = shelf.path().join(DAY).join(crate::store::UNASSIGNED);
+    fs::create_dir_all(unassigned.join("143000-functional")).unwrap();
+    assert_eq!(shelf.start().len(), 1);
+    assert_eq!((shelf.late(), run.exists()), ((1, Vec::new()), false));
+    let moved = unassigned.join("143000-functional-2");
+    assert_eq!((reader::verify(&moved), shelf.seal(&moved)), (Vec::new(), Seal::Flawed(Flaw::ClosedLate)));
+    assert!(reader::check(&unassigned.join("143000-functional")).problems.is_empty(), "the place that was kept for it");
+}
+
 /// Who puts a folder into the records gets it closed late, and cannot take the mark away.
 #[test]
 fn the_mark_stays() {
