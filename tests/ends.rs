@@ -287,6 +287,10 @@ fn a_run_that_ended_before_it_was_closed_is_closed_late() {
     let seals: Vec<_> = json.as_array().into_iter().flatten().map(|one| (&one["run"] == name, &one["seal"])).collect();
     assert_eq!(seals, [(false, &"held".into()), (true, &"closed_late".into()), (false, &"held".into())]);
 
+    let table = place.run(["records", "list", "--csv"]).stdout;
+    let last: Vec<_> = table.lines().filter_map(|line| line.rsplit(',').next()).collect();
+    assert_eq!(last, ["seal", "held", "closed_late", "held"], "{table}");
+
     fs::write(run.join("log.txt"), "all is well").expect("a log");
     let changed = place.run(["records", "verify", run.to_str().expect("UTF-8")]);
     assert_eq!(changed.code, Some(1), "{}", changed.stdout);
