@@ -278,12 +278,18 @@ fn a_run_that_ended_before_it_was_closed_is_closed_late() {
         "{}",
         verified.stdout
     );
+    let shown = place.run(["records".as_ref(), "show".as_ref(), run.as_os_str()]).stdout;
+    assert!(shown.contains("CLOSED LATE: closed late at "), "{shown}");
     let name = run.strip_prefix(&records).expect("below").to_str().expect("UTF-8");
     let list = place.run(["records", "list"]).stdout;
     assert_eq!(list.lines().filter(|line| line.contains("closed late")).count(), 1, "{list}");
     let json: serde_json::Value = serde_json::from_str(&place.run(["records", "list", "--json"]).stdout).expect("JSON");
     let seals: Vec<_> = json.as_array().into_iter().flatten().map(|one| (&one["run"] == name, &one["seal"])).collect();
     assert_eq!(seals, [(false, &"held".into()), (true, &"closed_late".into()), (false, &"held".into())]);
+
+    let table = place.run(["records", "list", "--csv"]).stdout;
+    let last: Vec<_> = table.lines().filter_map(|line| line.rsplit(',').next()).collect();
+    assert_eq!(last, ["seal", "held", "closed_late", "held"], "{table}");
 
     fs::write(run.join("log.txt"), "all is well").expect("a log");
     let changed = place.run(["records", "verify", run.to_str().expect("UTF-8")]);

@@ -22,7 +22,6 @@ use gnc_executive::uncertainty::Decision;
 use gnc_plot::svg;
 
 use crate::passport::{NoPassport, Passport};
-use crate::store::chain::LateClose;
 use markup::SvgPage;
 
 /// Word and class of the style sheet for good items of a selection, which are no pass of the module.
@@ -32,7 +31,7 @@ const PARTIAL: &str = "partial";
 pub const REPORT: &str = "report.html";
 
 /// Writes the report. `passport` is that of the run, or the reason why it has none. `digests` are those of the files in
-/// the record that the report describes: name and SHA-256. `late` says that the run is closed late.
+/// the record that the report describes: name and SHA-256. `late` says how the run was closed late.
 ///
 /// # Errors
 /// The error of `out`.
@@ -41,13 +40,13 @@ pub fn html(
     record: &RunRecord,
     passport: &Result<Passport, NoPassport>,
     digests: &[(String, String)],
-    late: Option<&LateClose>,
+    late: Option<&str>,
 ) -> io::Result<()> {
     let title = format!("{} {} {}", record.serial_number, record.plan.name, record.started.format("%F %T"));
     let mut page = SvgPage::new(out, &title);
     verdict(&mut page, record);
     if let Some(late) = late {
-        page.element("p", "banner", &format!("CLOSED LATE: {}", late.in_words()));
+        page.element("p", "banner", &format!("CLOSED LATE: {late}"));
     }
     identity(&mut page, record, late);
     what_decided(&mut page, record);
@@ -74,7 +73,7 @@ fn verdict(page: &mut SvgPage, record: &RunRecord) {
     }
 }
 
-fn identity(page: &mut SvgPage, record: &RunRecord, late: Option<&LateClose>) {
+fn identity(page: &mut SvgPage, record: &RunRecord, late: Option<&str>) {
     let bench = match record.bench.kind {
         BenchKind::Real => "real".to_owned(),
         BenchKind::Simulated => {
@@ -121,7 +120,7 @@ fn identity(page: &mut SvgPage, record: &RunRecord, late: Option<&LateClose>) {
 }
 
 /// Whether the verdict counts for the module, as far as the record can tell while it is closed.
-fn worth(record: &RunRecord, late: Option<&LateClose>) -> String {
+fn worth(record: &RunRecord, late: Option<&str>) -> String {
     let mut flaws = own_flaws(record);
     flaws.extend(late.map(|_| Flaw::ClosedLate));
     let words = flaws.iter().map(|flaw| match flaw {

@@ -68,7 +68,12 @@ fn summary(word: &str, run: &RunRecord, kept: Seal) -> String {
 fn show(folder: &Path) -> ExitCode {
     match reader::read(folder) {
         Ok(run) => {
-            let _ = std::io::stdout().write_all(text::log_txt(&run).as_bytes());
+            let mut out = std::io::stdout().lock();
+            let _ = out.write_all(text::log_txt(&run).as_bytes());
+            // The journal cannot tell it. Whoever wants to know why the chain cannot be read verifies the run.
+            if let Ok(Some(late)) = LateCloses::default().of(folder) {
+                let _ = writeln!(out, "\nCLOSED LATE: {}", printable(&late.in_words()));
+            }
             ExitCode::SUCCESS
         }
         Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
@@ -109,7 +114,8 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
         }
         found.problems.extend(key.and_then(|key| reader::verify_signature(folder, key)));
         let whole = found.problems.is_empty();
-        if let Some(late) = late_closes.of(folder).map_err(|error| store_refusal(&error))? {
+        let late = late_closes.of(folder).map_err(|error| store_refusal(&error))?;
+        if let Some(late) = &late {
             let now =
                 if whole { "its files are as the journal left them" } else { "its files were changed after that" };
             let _ = writeln!(out, "{place}: {}; {now}", printable(&late.in_words()));
@@ -119,7 +125,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
                 writeln!(out, "{place}: {why}: its digests agree, but this version cannot compare its journal")
             }
             Some(why) => writeln!(out, "{place}: {why}"),
-            None if whole => writeln!(out, "{place}: as written"),
+            None if whole && late.is_none() => writeln!(out, "{place}: as written"),
             None => Ok(()),
         };
         for problem in &found.problems {

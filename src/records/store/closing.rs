@@ -119,7 +119,8 @@ fn file_papers(
         (name, file.original_sha256.clone())
     });
     let digests: Vec<_> = files.chain([all]).chain(originals).collect();
-    folder.put(REPORT, |out| report::html(out, record, &passport, &digests, late))
+    let late = late.map(LateClose::in_words);
+    folder.put(REPORT, |out| report::html(out, record, &passport, &digests, late.as_deref()))
 }
 
 /// Who closes what an earlier start left behind, and when.

@@ -46,7 +46,7 @@ pub enum ReadError {
     #[error("the journal holds no whole event: the run was cut off at its start")]
     Empty,
     /// A station made the folder and ended before the first event.
-    #[error("the run was never begun: its station ended before the first event, and nothing was tested")]
+    #[error("the run was cut off at its start, before its first event: nothing was tested")]
     NeverBegun,
     /// The plan folder of the run is empty.
     #[error("{PLAN}/ is empty")]

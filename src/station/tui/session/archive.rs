@@ -137,3 +137,29 @@ pub(super) fn last_whole_run_s(records: &Path, plan_sha256: &str, kind: BenchKin
     let mut good = newest.filter(|run| run.verdict.passes_module() && run.bench == kind && !run.rejudged);
     good.find(|run| run.plan_sha256 == plan_sha256).map(|run| run.elapsed_s)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Only the head of each record is read: here is no journal, and the items are no JSON.
+    #[test]
+    fn the_time_of_a_plan_takes_no_whole_record() {
+        let records = tempfile::tempdir().expect("a folder");
+        let run = |time: &str, sha256: &str, outcome: &str, elapsed_s: f64| {
+            let run = records.path().join(format!("2026-11-28/SN-1/{time}-functional"));
+            std::fs::create_dir_all(&run).expect("a folder");
+            let head = format!(
+                "{{\n  \"outcome\": \"{outcome}\",\n  \"interrupted\": false,\n  \"plan\": {{ \"name\": \"functional\", \
+                 \"version\": \"1\", \"sha256\": \"{sha256}\" }},\n  \"bench\": {{ \"kind\": \"real\" }},\n  \"selection\": null,\n  \
+                 \"elapsed_s\": {elapsed_s},\n  \"items\": [ and no more"
+            );
+            std::fs::write(run.join("run.json"), head).expect("a record");
+        };
+        run("100000", "aa", "passed", 60.5);
+        run("110000", "aa", "failed", 1.5);
+        run("120000", "bb", "passed", 2.5);
+        assert_eq!(last_whole_run_s(records.path(), "aa", BenchKind::Real), Some(60.5));
+        assert_eq!(last_whole_run_s(records.path(), "aa", BenchKind::Simulated), None);
+    }
+}
