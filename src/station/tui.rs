@@ -79,7 +79,9 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
 
 fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusal> {
     let cannot = |error: io::Error| CommandRefusal::new(format!("cannot start the screen: {error}"), "");
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot)?;
+    let runtime = || tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot);
+    // The second one hears interrupts when the first one has ended.
+    let (runtime, ending) = (runtime()?, runtime()?);
     let signals = {
         let _inside = runtime.enter();
         Signals::new().map_err(cannot)?
@@ -114,6 +116,9 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
         resizes.abort();
         served
     });
+    // What is still under way, as a read of records, is not waited for. As long as it could tell the screen something, the
+    // drawing thread would not end.
+    runtime.shutdown_background();
     // The session has ended, so the drawing thread ends by itself, unless its terminal is blocked.
     match gone.recv_timeout(GIVE_BACK_WITHIN) {
         Ok(Ok(())) => {}
@@ -121,12 +126,10 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
         Err(_) => drop(guard.give_back_modes()),
     }
     // The last verdicts are told while the terminal is the operator's again.
-    runtime.block_on(told.finish(async {
+    ending.block_on(told.finish(async {
         // An interrupt from now on is meant for the hook.
         signals.next().await;
     }));
-    // A read of records may still be under way; do not wait for it.
-    runtime.shutdown_background();
     Ok(verdict)
 }
 

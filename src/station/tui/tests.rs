@@ -419,6 +419,15 @@ fn a_lost_record_is_told_until_one_is_written() {
             assert!(text.contains(told), "{key:?} {width}: {text}");
         }
     }
+    // The whole sentence has room, with what to do at its end.
+    let file = "/home/operator/records/2026-11-22/DEMO-1/143000-functional/events.jsonl";
+    let why =
+        format!("cannot write {file}: No space left on device (os error 28); make room on the disk and run again");
+    scene.start("DEMO-2");
+    scene.tell(over(Some(&why)));
+    scene.resize(80, 24);
+    let text: String = scene.text().split_whitespace().collect();
+    assert!(text.contains("makeroomonthediskandrunagain") && text.contains(file), "{text}");
     // A run that is refused has written nothing.
     scene.start("DEMO-2");
     scene.tell(Msg::RunOver { verdict: None, store_error: None, refusal: Some("the board is gone".into()) });

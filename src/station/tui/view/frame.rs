@@ -108,8 +108,9 @@ fn badges(model: &ScreenModel) -> Vec<String> {
     }
 }
 
-/// Most lines of the words about a record that cannot be written, on a screen with panels.
-const UNRECORDED_LINES: usize = 2;
+/// Most lines of the words about a record that cannot be written, on a screen with panels: they hold the path of a file,
+/// the reason and what to do.
+const UNRECORDED_LINES: usize = 3;
 
 /// Why the record of a run could not be written, as long as that is so.
 pub(super) fn unrecorded(model: &ScreenModel, area: Rect) -> Vec<Line<'static>> {
