@@ -7,7 +7,6 @@ use super::field::InputField;
 use super::lang::Lang;
 use super::model::{AfterFailure, RoundsSetting, ScreenModel};
 use super::numbers::label;
-use super::update::numbers::asked;
 
 /// Largest number of rounds or minutes that can be asked for: a month of minutes.
 pub(crate) const MAX_ROUNDS: u32 = 43_200;
@@ -84,7 +83,7 @@ impl Form {
             plan: InputField::new(&model.plan_path),
             bench: InputField::new(&model.bench_path),
             operator: InputField::new(&model.operator),
-            numbers: asked(model).iter().map(|field| of_model(model, field)).collect(),
+            numbers: model.asked_numbers().iter().map(|field| of_model(model, field)).collect(),
             rounds,
             number: InputField::new(&number.to_string()),
             after_failure: model.after_failure,

@@ -1,7 +1,7 @@
 //! Applies messages to the model, and returns the effects that they ask for.
 
 mod keys;
-pub(super) mod numbers;
+mod numbers;
 mod run;
 mod scan;
 mod start;

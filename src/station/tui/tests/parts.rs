@@ -6,6 +6,7 @@ use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::quantity::Dimension;
 
 use super::*;
+use crate::tui::model::{DriftLimits, PlanAsks};
 
 #[test]
 fn the_operator_sees_which_limits_count_in_each_language() {
@@ -40,7 +41,8 @@ fn the_drift_on_the_screen_has_the_limit_of_the_part() {
         drift_limit: Some(limit("<= 2 degC")),
     }];
     let part = PartName::new("A", None);
-    plan.drift_limits_of_parts = vec![(part.clone(), vec![(item.into(), Some(limit("<= 1 degC")))])];
+    let limits = DriftLimits { part: part.clone(), limits: vec![(item.into(), Some(limit("<= 1 degC")))] };
+    plan.asks = std::sync::Arc::new(PlanAsks { drift_limits: vec![limits], ..PlanAsks::default() });
     let module = PartName::new("A", Some("B"));
     let of = |part| Some(LimitsChosen { part, module: module.clone() });
     assert_eq!(plan.drift_limit(item, None), Some(&limit("<= 2 degC")));

@@ -8,21 +8,10 @@ use crate::tui::field::InputField;
 use crate::tui::model::{MessageWeight, Over, ScreenModel};
 use crate::tui::numbers::label;
 
-/// The numbers that bench and plan ask for, as far as these are known.
-pub(crate) fn asked(model: &ScreenModel) -> Vec<NumberField> {
-    let (bench, plan) = by_whom(model);
-    numbers::asked(bench, plan).into_iter().cloned().collect()
-}
-
-fn by_whom(model: &ScreenModel) -> (&[NumberField], &[NumberField]) {
-    let bench = model.bench.ready().map_or(&[][..], |bench| &bench.numbers);
-    (bench, model.plan.ready().map_or(&[][..], |plan| &plan.numbers))
-}
-
 /// The only number whose pattern a scan fits.
 pub(super) fn fitting(model: &ScreenModel, scanned: &str) -> Option<NumberField> {
     let fits = |field: &NumberField| field.pattern.as_ref().is_some_and(|pattern| pattern.fits(scanned));
-    let mut fitting = asked(model).into_iter().filter(fits);
+    let mut fitting = model.asked_numbers().into_iter().filter(fits);
     fitting.next().filter(|_| fitting.next().is_none())
 }
 
@@ -41,8 +30,8 @@ pub(super) fn take(model: &mut ScreenModel, field: &NumberField, scanned: &str) 
 
 /// What is wrong with a number of the form.
 pub(super) fn misfit(model: &ScreenModel, key: &str, value: &str) -> Option<String> {
-    let (bench, plan) = by_whom(model);
-    let field = asked(model).into_iter().find(|field| field.key == key).filter(|_| !value.is_empty())?;
+    let (bench, plan) = model.numbers_of_bench_and_plan();
+    let field = model.asked_numbers().into_iter().find(|field| field.key == key).filter(|_| !value.is_empty())?;
     Some(match numbers::check_form(bench, plan, &field, value).err()? {
         NumberError::Misfit { pattern, .. } => {
             words(model.texts.number_misfit, &[&name(model, &field), &printable(value), &printable(&pattern)])
@@ -53,9 +42,9 @@ pub(super) fn misfit(model: &ScreenModel, key: &str, value: &str) -> Option<Stri
 
 /// The first number without which no run begins: its place in the form, and what to tell.
 pub(super) fn lacking(model: &ScreenModel) -> Option<(usize, String)> {
-    let (bench, plan) = by_whom(model);
+    let (bench, plan) = model.numbers_of_bench_and_plan();
     let required = |key: &str| bench.iter().chain(plan).any(|field| field.key == key && field.required);
-    asked(model).iter().enumerate().find_map(|(index, field)| {
+    model.asked_numbers().iter().enumerate().find_map(|(index, field)| {
         let value = model.numbers.get(&field.key);
         let told = misfit(model, &field.key, value);
         let missing = || {

@@ -127,7 +127,7 @@ pub(super) fn take_number(model: &mut ScreenModel, number: String) -> Option<Eff
         return None;
     }
     if model.scan.current.as_ref() != Some(&number) {
-        let fields = numbers::asked(model);
+        let fields = model.asked_numbers();
         model.numbers.new_module(&fields);
     }
     model.scan.current = Some(number);
