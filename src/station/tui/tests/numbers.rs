@@ -143,3 +143,15 @@ fn a_number_that_the_plan_does_not_ask_for_is_not_given() {
     plan.asks = Arc::default();
     assert_eq!(given(&scene), []);
 }
+
+#[test]
+fn a_sub_unit_of_another_module_is_told_on_the_screen() {
+    let mut scene = scene(Lang::En);
+    scan(&mut scene, "SN-2");
+    scan(&mut scene, "PO-1234");
+    scan(&mut scene, "GB-7");
+    scene.start("SN-2");
+    let text = "The gps GB-7 is in module SN-1 too, which passed with it".to_owned();
+    scene.event(EventKind::Note { level: NoteLevel::Warning, text, item: None });
+    assert!(scene.text().contains("GB-7 is in module SN-1 too"), "{}", scene.text());
+}

@@ -1,6 +1,6 @@
 //! From a scan, or from the form, to the numbers of orders, sub-units and others.
 
-use gnc_executive::numbers::{self, NumberError, NumberField};
+use gnc_executive::numbers::{self, NumberError, NumberField, NumberKind};
 use gnc_text::printable;
 
 use super::words;
@@ -51,6 +51,16 @@ pub(super) fn lacking(model: &ScreenModel) -> Option<(usize, String)> {
             (value.is_empty() && required(&field.key)).then(|| words(model.texts.number_needed, &[&name(model, field)]))
         };
         Some((index, told.or_else(missing)?))
+    })
+}
+
+/// Whether a note of the run begins with a sub-unit that was given for it.
+pub(super) fn is_about_sub_unit(model: &ScreenModel, note: &str) -> bool {
+    let fields = model.asked_numbers();
+    let mut units = fields.iter().filter(|field| field.kind == NumberKind::Subunit);
+    units.any(|field| {
+        let value = model.numbers.get(&field.key);
+        !value.is_empty() && note.starts_with(&format!("{} {} ", printable(&field.label.en), printable(value)))
     })
 }
 
