@@ -174,7 +174,9 @@ pub(crate) struct PlanView {
 pub(crate) struct PlanAsks {
     /// Numbers that each run of this plan is asked for.
     pub numbers: Vec<NumberField>,
-    /// The limits of temperature drifts for each part that has limits of its own.
+    /// The parts that have limits of their own, and their revisions.
+    pub parts: Vec<PartName>,
+    /// The limits of temperature drifts for each of them.
     pub drift_limits: Vec<DriftLimits>,
 }
 
@@ -406,6 +408,8 @@ pub(crate) struct ScreenModel {
     pub plan: Loaded<PlanView>,
     pub plan_path: String,
     pub operator: String,
+    /// The part that modules must be, and its revision; empty: any.
+    pub part: [String; 2],
     /// Numbers of orders, sub-units and others.
     pub numbers: Numbers,
     pub rounds: RoundsSetting,
@@ -455,6 +459,7 @@ impl ScreenModel {
             plan: Loaded::Loading,
             plan_path: String::new(),
             operator: String::new(),
+            part: Default::default(),
             numbers: Numbers::default(),
             rounds: RoundsSetting::Once,
             after_failure: AfterFailure::AsPlanned,
@@ -475,6 +480,11 @@ impl ScreenModel {
             scroll_end: Cell::new(0),
             choices: super::setup_form::Choices::default(),
         }
+    }
+
+    /// The parts that have limits of their own, and their revisions.
+    pub(crate) fn parts(&self) -> &[PartName] {
+        self.plan.ready().map_or(&[], |plan| &plan.asks.parts)
     }
 
     /// The numbers that the bench asks for and those that the plan does, as far as these are known.

@@ -28,6 +28,17 @@ pub(super) fn take(model: &mut ScreenModel, field: &NumberField, scanned: &str) 
     model.say(MessageWeight::Info, told);
 }
 
+/// Takes a scan as the part that modules must be from now on. Its revision is not known then.
+pub(super) fn take_part(model: &mut ScreenModel, scanned: &str) {
+    model.part = [scanned.to_owned(), String::new()];
+    let part = model.part.each_ref().map(|text| InputField::new(text));
+    if let Some(Over::Setup(form)) = model.over.last_mut() {
+        form.part = Some(part);
+    }
+    let told = words(model.texts.number_taken, &[model.texts.setup_part, &printable(scanned)]);
+    model.say(MessageWeight::Info, told);
+}
+
 /// What is wrong with a number of the form.
 pub(super) fn misfit(model: &ScreenModel, key: &str, value: &str) -> Option<String> {
     let (bench, plan) = model.numbers_of_bench_and_plan();

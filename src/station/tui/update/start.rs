@@ -129,6 +129,7 @@ fn start(model: &mut ScreenModel) -> Option<Effect> {
     let fields = model.asked_numbers();
     Some(Effect::Start(StartRequest {
         serial_number,
+        part: model.part.clone(),
         numbers: model.numbers.of(&fields),
         plan_sha256,
         resume,
