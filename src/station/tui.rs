@@ -160,6 +160,7 @@ fn first_model(
     let (lang, look) = look::choose(&look::Environment::read(), args.lang);
     let mut model = ScreenModel::new(lang, look, clock.now());
     model.numbers = numbers::Numbers::new(args.numbers.clone());
+    model.part = [&args.part, &args.revision].map(|text| text.clone().unwrap_or_default());
     model.operator = args.operator.clone().unwrap_or_default();
     model.plan_path = plan.map(|plan| plan.display().to_string()).unwrap_or_default();
     model.plan = Loaded::Loading;

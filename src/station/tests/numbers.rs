@@ -47,6 +47,7 @@ impl Place {
     fn auto(&self, serial_number: &str, numbers: &[&str]) -> Output {
         let mut words = vec!["--auto", "plan.toml", "--sim", "--sim-speed", "max", "--serial-number", serial_number];
         numbers.iter().for_each(|number| words.extend(["--number", number]));
+        words.extend(["--junit", "j.xml"]);
         self.station(&words)
     }
 
@@ -97,6 +98,8 @@ fn all_papers_have_the_numbers() {
     for paper in ["report.html", "log.txt", "events.jsonl"] {
         assert!(read(paper).contains("PO-1234") && read(paper).contains("GB-7"), "{paper}");
     }
+    let junit = std::fs::read_to_string(place.folder.path().join("j.xml")).expect("a file");
+    assert!(junit.contains("value=\"order=PO-1234\"") && junit.contains("value=\"gps=GB-7\""), "{junit}");
     let list = place.station(&["records", "list", "--json"]);
     let list: serde_json::Value = serde_json::from_slice(&list.stdout).expect("a list");
     assert_eq!(list[0]["numbers"], serde_json::json!({ "gps": "GB-7", "order": "PO-1234" }));

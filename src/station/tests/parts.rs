@@ -187,7 +187,7 @@ fn said(output: &Output) -> String {
 #[test]
 fn the_record_tells_which_limits_were_used_and_recompute_uses_them() {
     let place = Place::new("GNC/POP-26.B", "C");
-    let done = place.auto("--part gnc/pop-26.b --revision C");
+    let done = place.auto("--part gnc/pop-26.b --revision C --junit j.xml");
     assert_eq!(done.status.code(), Some(0), "{}", said(&done));
     assert!(said(&done).contains("limits: part GNC/POP-26.B"), "{}", said(&done));
     let record = place.read("run.json");
@@ -197,6 +197,8 @@ fn the_record_tells_which_limits_were_used_and_recompute_uses_them() {
     assert!(narrow.contains("\"part\":{\"number\":\"gnc/pop-26.b\",\"revision\":\"C\"}"), "{record}");
     assert!(place.read("report.html").contains("part GNC/POP-26.B"));
     assert!(place.read("log.txt").contains("part GNC/POP-26.B"));
+    let junit = std::fs::read_to_string(place.folder.path().join("j.xml")).expect("a file");
+    assert!(junit.contains("value=\"part GNC/POP-26.B\""), "{junit}");
     let run = place.run().display().to_string();
     let same = place.station(&format!("recompute {run}"));
     assert_eq!(same.status.code(), Some(0), "{}", said(&same));

@@ -172,6 +172,8 @@ pub(crate) struct Texts {
     pub other_module: &'static str,
     pub limits_of_part: &'static str,
     pub limits_of_plan: &'static str,
+    pub setup_part: &'static str,
+    pub setup_revision: &'static str,
     pub number_taken: &'static str,
     pub number_needed: &'static str,
     pub number_misfit: &'static str,

@@ -12,7 +12,7 @@ use gnc_bench::guidance::Guidance;
 use gnc_executive::catalogue::TEMPERATURE_DRIFT;
 use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::limit::Limit;
-use gnc_executive::numbers::NumberField;
+use gnc_executive::numbers::{self, NumberField};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::plan::{Phase, PlanItem, QuestionKind};
@@ -118,7 +118,7 @@ pub(crate) struct BenchView {
     /// What serial numbers must match on this bench.
     pub serial_number: Option<SerialNumberPattern>,
     /// Numbers beside it that each run on this bench is asked for.
-    pub numbers: Vec<NumberField>,
+    pub numbers: Arc<[NumberField]>,
 }
 
 /// The operator, if the command line names none.
@@ -159,25 +159,42 @@ pub(crate) struct PlanView {
     pub items: Vec<PlannedItem>,
     /// The programs of the items that capture.
     pub programs: Vec<ProgramView>,
-    /// The limits of temperature drifts for each part that has limits of its own, by item.
-    pub drift_limits_of_parts: Vec<(PartName, Vec<(String, Option<Limit>)>)>,
     /// The part that the plan is for, if the plan names one.
     pub part: Option<String>,
     /// What serial numbers must match for this plan.
     pub serial_number: Option<SerialNumberPattern>,
-    /// Numbers beside it that each run of this plan is asked for.
-    pub numbers: Vec<NumberField>,
+    /// What depends on the module or is asked of the operator; shared, since the view travels in messages.
+    pub asks: Arc<PlanAsks>,
     /// Seconds that the last whole run took.
     pub expected_s: Option<f64>,
+}
+
+/// What a plan asks for beside the serial number, and what it limits by the part number.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct PlanAsks {
+    /// Numbers that each run of this plan is asked for.
+    pub numbers: Vec<NumberField>,
+    /// The parts that have limits of their own, and their revisions.
+    pub parts: Vec<PartName>,
+    /// The limits of temperature drifts for each of them.
+    pub drift_limits: Vec<DriftLimits>,
+}
+
+/// The limits of temperature drifts for a part.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct DriftLimits {
+    pub part: PartName,
+    /// By the names of items.
+    pub limits: Vec<(String, Option<Limit>)>,
 }
 
 impl PlanView {
     /// The limit of the temperature's drift in an item by the limits that were chosen for the module.
     pub(crate) fn drift_limit(&self, item: &str, chosen: Option<&LimitsChosen>) -> Option<&Limit> {
         let part = chosen.and_then(|chosen| chosen.part.as_ref());
-        let limits = part.and_then(|part| self.drift_limits_of_parts.iter().find(|(other, _)| other == part));
+        let limits = part.and_then(|part| self.asks.drift_limits.iter().find(|limits| limits.part == *part));
         match limits {
-            Some((_, limits)) => limits.iter().find(|(name, _)| name == item)?.1.as_ref(),
+            Some(of_part) => of_part.limits.iter().find(|(name, _)| name == item)?.1.as_ref(),
             None => self.programs.iter().find(|program| program.item == item)?.drift_limit.as_ref(),
         }
     }
@@ -430,6 +447,8 @@ pub(crate) struct ScreenModel {
     pub plan: Loaded<PlanView>,
     pub plan_path: String,
     pub operator: String,
+    /// The part that modules must be, and its revision; empty: any.
+    pub part: [String; 2],
     /// Numbers of orders, sub-units and others.
     pub numbers: Numbers,
     pub rounds: RoundsSetting,
@@ -490,6 +509,7 @@ impl ScreenModel {
             plan: Loaded::Loading,
             plan_path: String::new(),
             operator: String::new(),
+            part: Default::default(),
             numbers: Numbers::default(),
             rounds: RoundsSetting::Once,
             after_failure: AfterFailure::AsPlanned,
@@ -510,6 +530,23 @@ impl ScreenModel {
             scroll_end: Cell::new(0),
             choices: super::setup_form::Choices::default(),
         }
+    }
+
+    /// The parts that have limits of their own, and their revisions.
+    pub(crate) fn parts(&self) -> &[PartName] {
+        self.plan.ready().map_or(&[], |plan| &plan.asks.parts)
+    }
+
+    /// The numbers that the bench asks for and those that the plan does, as far as these are known.
+    pub(crate) fn numbers_of_bench_and_plan(&self) -> (&[NumberField], &[NumberField]) {
+        let bench = self.bench.ready().map_or(&[][..], |bench| &bench.numbers);
+        (bench, self.plan.ready().map_or(&[][..], |plan| &plan.asks.numbers))
+    }
+
+    /// All of them, each once.
+    pub(crate) fn asked_numbers(&self) -> Vec<NumberField> {
+        let (bench, plan) = self.numbers_of_bench_and_plan();
+        numbers::asked(bench, plan).into_iter().cloned().collect()
     }
 
     /// Whether a run is on.

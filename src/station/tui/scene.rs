@@ -2,6 +2,7 @@
 
 mod captures;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset, TimeDelta};
@@ -60,7 +61,7 @@ impl Scene {
             operator_required: false,
             bell: false,
             serial_number: None,
-            numbers: Vec::new(),
+            numbers: Arc::default(),
         };
         let plan = PlanView {
             name: "functional".into(),
@@ -68,10 +69,9 @@ impl Scene {
             sha256: "00".repeat(32),
             items: items(),
             programs: Vec::new(),
-            drift_limits_of_parts: Vec::new(),
             part: Some("GNC-POP-26".into()),
             serial_number: None,
-            numbers: Vec::new(),
+            asks: Arc::default(),
             expected_s: Some(4.8),
         };
         update(&mut model, Msg::Bench { path: "sim:good".into(), bench: Loaded::Ready(bench) });

@@ -26,7 +26,7 @@ use super::update::{Effect, Msg};
 use crate::args::RunArgs;
 use crate::tui::model::Loaded;
 use files::{Held, HeldPlan, Looked};
-use rounds::{Finished, Handles, Wanted};
+use rounds::{Finished, Handles};
 use scanner::ScannerPort;
 use told::{Counter, Told};
 
@@ -201,7 +201,7 @@ impl ScreenSession {
                     Some(Effect::Start(start)) if running.is_none() => {
                         let handles = self.handles(&ask);
                         let control = handles.control.clone();
-                        let done = rounds::run(self.held.clone(), start, Wanted::of(&self.args), handles).boxed_local();
+                        let done = rounds::run(self.held.clone(), start, self.args.one_by_one, handles).boxed_local();
                         running = Some(Running { done, control });
                     }
                     Some(Effect::Watch) if running.is_none() => {

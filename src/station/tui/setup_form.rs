@@ -7,7 +7,6 @@ use super::field::InputField;
 use super::lang::Lang;
 use super::model::{AfterFailure, RoundsSetting, ScreenModel};
 use super::numbers::label;
-use super::update::numbers::asked;
 
 /// Largest number of rounds or minutes that can be asked for: a month of minutes.
 pub(crate) const MAX_ROUNDS: u32 = 43_200;
@@ -25,6 +24,10 @@ pub(crate) enum FormLine {
     Plan,
     Bench,
     Operator,
+    /// The part that modules must be.
+    Part,
+    /// Its revision.
+    Revision,
     /// One of the numbers that bench and plan ask for.
     Number(usize),
     Rounds,
@@ -62,6 +65,8 @@ pub(crate) struct Form {
     pub plan: InputField,
     pub bench: InputField,
     pub operator: InputField,
+    /// The part and its revision, if limits depend on them.
+    pub part: Option<[InputField; 2]>,
     pub numbers: Vec<FormNumber>,
     pub rounds: RoundsKind,
     pub number: InputField,
@@ -84,7 +89,8 @@ impl Form {
             plan: InputField::new(&model.plan_path),
             bench: InputField::new(&model.bench_path),
             operator: InputField::new(&model.operator),
-            numbers: asked(model).iter().map(|field| of_model(model, field)).collect(),
+            part: part_matters(model).then(|| model.part.each_ref().map(|text| InputField::new(text))),
+            numbers: model.asked_numbers().iter().map(|field| of_model(model, field)).collect(),
             rounds,
             number: InputField::new(&number.to_string()),
             after_failure: model.after_failure,
@@ -106,12 +112,10 @@ impl Form {
     /// All lines from top to bottom.
     pub(crate) fn lines(&self) -> Vec<FormLine> {
         let before = [FormLine::Plan, FormLine::Bench, FormLine::Operator];
+        let part = self.part.iter().flat_map(|_| [FormLine::Part, FormLine::Revision]);
         let numbers = (0..self.numbers.len()).map(FormLine::Number);
-        before
-            .into_iter()
-            .chain(numbers)
-            .chain([FormLine::Rounds, FormLine::AfterFailure, FormLine::Language])
-            .collect()
+        let after = [FormLine::Rounds, FormLine::AfterFailure, FormLine::Language];
+        before.into_iter().chain(part).chain(numbers).chain(after).collect()
     }
 
     /// The rounds that were asked for; `None` if the number is not valid.
@@ -130,6 +134,8 @@ impl Form {
             FormLine::Plan => Some(&mut self.plan),
             FormLine::Bench => Some(&mut self.bench),
             FormLine::Operator => Some(&mut self.operator),
+            FormLine::Part => self.part.as_mut().map(|[part, _]| part),
+            FormLine::Revision => self.part.as_mut().map(|[_, revision]| revision),
             FormLine::Number(index) => self.numbers.get_mut(index).map(|number| &mut number.field),
             FormLine::Rounds if self.rounds != RoundsKind::Once => Some(&mut self.number),
             FormLine::Rounds | FormLine::AfterFailure | FormLine::Language => None,
@@ -155,7 +161,7 @@ impl Form {
         match self.here() {
             FormLine::Plan => next_text(&mut self.plan, &choices.plans, step),
             FormLine::Bench => next_text(&mut self.bench, &choices.benches, step),
-            FormLine::Operator | FormLine::Number(_) => {}
+            FormLine::Operator | FormLine::Part | FormLine::Revision | FormLine::Number(_) => {}
             FormLine::Rounds => {
                 const ALL: [RoundsKind; 3] = [RoundsKind::Once, RoundsKind::Count, RoundsKind::Minutes];
                 self.rounds = next(&ALL, self.rounds, step);
@@ -167,6 +173,11 @@ impl Form {
             FormLine::Language => self.lang = next(&Lang::ALL, self.lang, step),
         }
     }
+}
+
+/// Whether the form asks for the part: limits depend on it, or one was named.
+fn part_matters(model: &ScreenModel) -> bool {
+    !model.parts().is_empty() || !model.part[0].is_empty()
 }
 
 fn of_model(model: &ScreenModel, field: &NumberField) -> FormNumber {

@@ -1,7 +1,7 @@
 //! Applies messages to the model, and returns the effects that they ask for.
 
 mod keys;
-pub(super) mod numbers;
+mod numbers;
 mod question;
 mod run;
 mod scan;
@@ -141,6 +141,8 @@ pub(crate) enum Effect {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct StartRequest {
     pub serial_number: String,
+    /// The part that the module must be, and its revision; empty: any.
+    pub part: [String; 2],
     /// Numbers of orders, sub-units and others, by their keys.
     pub numbers: Vec<(String, String)>,
     /// Digest of the plan that is shown.

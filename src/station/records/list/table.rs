@@ -92,6 +92,7 @@ impl<'a> Line<'a> {
             simulated: run.map(|run| run.bench.kind == BenchKind::Simulated),
             selection: run.and_then(|run| run.selection.as_deref()),
             numbers: run
+                .filter(|run| !run.numbers.is_empty())
                 .map(|run| run.numbers.iter().map(|number| (number.key.as_str(), number.value.as_str())).collect()),
             looped: run.and_then(|run| run.looped).map(|looped| looped.index),
             recomputed: run.and_then(|run| run.recomputed.as_ref()).map(|earlier| earlier.run.as_str()),

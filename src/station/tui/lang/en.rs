@@ -105,6 +105,8 @@ pub(super) static TEXTS: Texts = Texts {
     other_module: "NOT THE SCANNED MODULE: {} is in the socket, {} was scanned.",
     limits_of_part: "Limits of part {}.",
     limits_of_plan: "Limits of the plan: it has none of its own for part {}.",
+    setup_part: "Part number",
+    setup_revision: "Revision",
     number_taken: "{}: {} is taken.",
     number_needed: "{} is missing: scan it, or type it here.",
     number_misfit: "{}: {} does not fit {}: scan the label again.",

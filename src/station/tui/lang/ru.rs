@@ -106,6 +106,8 @@ pub(super) static TEXTS: Texts = Texts {
     other_module: "НЕ ТОТ МОДУЛЬ: в гнезде {}, считан {}.",
     limits_of_part: "Допуски изделия {}.",
     limits_of_plan: "Допуски плана: своих для изделия {} в нём нет.",
+    setup_part: "Изделие",
+    setup_revision: "Исполнение",
     number_taken: "{}: принято {}.",
     number_needed: "Нет значения «{}»: считайте его или наберите здесь.",
     number_misfit: "{}: {} не подходит к {}: считайте этикетку снова.",

@@ -106,6 +106,8 @@ pub(super) static TEXTS: Texts = Texts {
     other_module: "不是所扫描的模块：插座中是 {}，扫描的是 {}。",
     limits_of_part: "采用型号 {} 的限值。",
     limits_of_plan: "采用方案的限值：其中没有型号 {} 的专用限值。",
+    setup_part: "型号",
+    setup_revision: "版本",
     number_taken: "{}：已采用 {}。",
     number_needed: "缺少 {}：请扫描，或在此输入。",
     number_misfit: "{}：{} 不符合 {}：请重新扫描标签。",

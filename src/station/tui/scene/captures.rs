@@ -87,10 +87,9 @@ impl Scene {
             sha256: "00".repeat(32),
             items,
             programs: plan.items().iter().filter_map(ProgramView::of).collect(),
-            drift_limits_of_parts: Vec::new(),
             part: Some("GNC-POP-26".into()),
             serial_number: None,
-            numbers: Vec::new(),
+            asks: std::sync::Arc::default(),
             expected_s: None,
         };
         let path = "test-plans/calibration.toml".into();

@@ -16,7 +16,7 @@ use crate::args::RunArgs;
 use crate::files::{self, ChangedFile};
 use crate::refusal::CommandRefusal;
 use crate::setup::{self, BENCH_FILE, CheckedBench};
-use crate::tui::model::{BenchView, PlanView, ProgramView, UsualOperator};
+use crate::tui::model::{BenchView, DriftLimits, PlanAsks, PlanView, ProgramView, UsualOperator};
 use crate::tui::setup_form::Choices;
 
 /// The plan that is used when neither the command line nor the bench file names one.
@@ -102,7 +102,7 @@ fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
         operator_required: checked.habits.operator.required,
         bell: checked.habits.bell,
         serial_number: checked.serial_number.clone(),
-        numbers: checked.numbers.clone(),
+        numbers: checked.numbers.clone().into(),
     }
 }
 
@@ -127,27 +127,18 @@ fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanVi
     let job = Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
     let sha256 = checked.sha256().to_owned();
     let (items, serial_number) = (job.planned(), plan.serial_number.clone());
-    let drift_limits_of_parts = plan.parts().filter_map(|part| drift_limits(plan, part)).collect();
-    let view = PlanView {
-        name,
-        version,
-        sha256,
-        items,
-        programs,
-        drift_limits_of_parts,
-        part,
-        serial_number,
-        numbers: plan.numbers.clone(),
-        expected_s: None,
-    };
+    let drift_limits = plan.parts().filter_map(|part| drift_limits_of(plan, part)).collect();
+    let asks =
+        Arc::new(PlanAsks { numbers: plan.numbers.clone(), parts: plan.parts().cloned().collect(), drift_limits });
+    let view = PlanView { name, version, sha256, items, programs, part, serial_number, asks, expected_s: None };
     Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))
 }
 
-/// The limits of temperature drifts for a part, by item.
-fn drift_limits(plan: &Plan, part: &PartName) -> Option<(PartName, Vec<(String, Option<Limit>)>)> {
+fn drift_limits_of(plan: &Plan, part: &PartName) -> Option<DriftLimits> {
     let plan = plan.with_limits_of(part)?;
     let programs = plan.items().iter().filter_map(ProgramView::of);
-    Some((part.clone(), programs.map(|program| (program.item, program.drift_limit)).collect()))
+    let limits = programs.map(|program| (program.item, program.drift_limit)).collect();
+    Some(DriftLimits { part: part.clone(), limits })
 }
 
 /// The name of the bench in the form.

@@ -10,7 +10,6 @@ use gnc_bench::questions::{Answers, Person};
 use gnc_bench::runner::{Ending, Live, looking};
 use gnc_bench::service::{self, Observer, RunRequest};
 use gnc_executive::event::Event;
-use gnc_executive::part::PartName;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
 use gnc_records::store::{RunFolder, Watcher};
@@ -19,12 +18,11 @@ use tokio::sync::mpsc;
 
 use super::files::{Held, NOT_HELD};
 use super::told::Told;
-use crate::args::RunArgs;
-use crate::auto;
 use crate::refusal::CommandRefusal;
 use crate::setup::Setup;
 use crate::tui::model::{AfterFailure, RoundsSetting};
 use crate::tui::update::{Msg, StartRequest};
+use crate::{args, auto};
 
 /// Handles by which the session and the screen reach the run.
 pub(super) struct Handles {
@@ -88,21 +86,9 @@ fn nothing_held() -> CommandRefusal {
     CommandRefusal::new(NOT_HELD, "choose them again with F2")
 }
 
-/// What the command line wants of every run.
-pub(super) struct Wanted {
-    one_by_one: bool,
-    part: Result<Option<PartName>, CommandRefusal>,
-}
-
-impl Wanted {
-    pub(super) fn of(args: &RunArgs) -> Self {
-        Self { one_by_one: args.one_by_one, part: args.part() }
-    }
-}
-
 /// Carries out an order of the screen.
-pub(super) async fn run(held: Held, start: StartRequest, wanted: Wanted, handles: Handles) -> Finished {
-    match prepare(held, start, wanted, &handles) {
+pub(super) async fn run(held: Held, start: StartRequest, one_by_one: bool, handles: Handles) -> Finished {
+    match prepare(held, start, one_by_one, &handles) {
         Ok((request, setup)) => serve(&request, setup, handles).await,
         Err(refusal) => Finished::Run { verdict: None, store_error: None, refusal: Some(in_words(&refusal)) },
     }
@@ -111,7 +97,7 @@ pub(super) async fn run(held: Held, start: StartRequest, wanted: Wanted, handles
 fn prepare(
     held: Held,
     start: StartRequest,
-    wanted: Wanted,
+    one_by_one: bool,
     handles: &Handles,
 ) -> Result<(RunRequest, Setup), CommandRefusal> {
     let (Some(bench), Some(plan)) = (held.bench, held.plan) else { return Err(nothing_held()) };
@@ -122,10 +108,11 @@ fn prepare(
     let setup = bench.open(&start.serial_number, || Ok(Fixture::Screen(questions)))?;
     // Also a bench that turns its module by itself has the person at the screen.
     let answers = Answers::default().with(Person::Screen(handles.questions.clone()));
+    let [part, revision] = start.part.each_ref().map(|text| Some(text.trim()).filter(|text| !text.is_empty()));
     let request = RunRequest {
         plan: plan.plan.clone(),
         serial_number: start.serial_number,
-        part: wanted.part?,
+        part: args::asked_part(part, revision)?,
         numbers: start.numbers,
         operator: start.operator,
         selection: start.selection,
@@ -143,7 +130,7 @@ fn prepare(
             RoundsSetting::Minutes(minutes) => service::Rounds::For(Duration::from_secs(60 * u64::from(minutes))),
         },
         resume: start.resume,
-        one_by_one: wanted.one_by_one,
+        one_by_one,
         nonce: None,
         began: None,
     };

@@ -1,10 +1,13 @@
 //! Numbers of orders and sub-units on the screen: scanned and typed, kept and asked for.
 
+use std::sync::Arc;
+
 use gnc_executive::numbers::{NumberField, NumberKind, NumberLabel};
 use gnc_executive::serial_number::SerialNumberPattern;
 
 use super::*;
 use crate::tui::input::Scanned;
+use crate::tui::model::PlanAsks;
 
 fn field(key: &str, kind: NumberKind, pattern: Option<&str>, required: bool) -> NumberField {
     let label = NumberLabel { en: format!("The {key}"), zh: format!("中{key}"), ru: format!("Ж{key}") };
@@ -16,12 +19,13 @@ fn field(key: &str, kind: NumberKind, pattern: Option<&str>, required: bool) -> 
 fn scene(lang: Lang) -> Scene {
     let mut scene = Scene::new(lang, 80, 24).expect("a scene");
     let Loaded::Ready(plan) = &mut scene.model.plan else { panic!("a plan") };
-    plan.numbers = vec![
+    let numbers = vec![
         field("order", NumberKind::Order, Some("PO-[0-9]{4}"), true),
         field("gps", NumberKind::Subunit, Some("GB-[0-9]+"), false),
     ];
+    plan.asks = Arc::new(PlanAsks { numbers, ..PlanAsks::default() });
     let Loaded::Ready(bench) = &mut scene.model.bench else { panic!("a bench") };
-    bench.numbers = vec![field("tray", NumberKind::Free, None, false)];
+    bench.numbers = [field("tray", NumberKind::Free, None, false)].into();
     scene
 }
 
@@ -31,7 +35,7 @@ fn scan(scene: &mut Scene, code: &str) {
 
 /// What a run would be given.
 fn given(scene: &Scene) -> Vec<(String, String)> {
-    scene.model.numbers.of(&crate::tui::update::numbers::asked(&scene.model))
+    scene.model.numbers.of(&scene.model.asked_numbers())
 }
 
 fn pairs(pairs: &[(&str, &str)]) -> Vec<(String, String)> {
@@ -136,6 +140,18 @@ fn a_number_that_the_plan_does_not_ask_for_is_not_given() {
     let mut scene = scene(Lang::En);
     scan(&mut scene, "PO-1234");
     let Loaded::Ready(plan) = &mut scene.model.plan else { panic!("a plan") };
-    plan.numbers.clear();
+    plan.asks = Arc::default();
     assert_eq!(given(&scene), []);
+}
+
+#[test]
+fn a_sub_unit_of_another_module_is_told_on_the_screen() {
+    let mut scene = scene(Lang::En);
+    scan(&mut scene, "SN-2");
+    scan(&mut scene, "PO-1234");
+    scan(&mut scene, "GB-7");
+    scene.start("SN-2");
+    let text = "The gps GB-7 is in module SN-1 too, which passed with it".to_owned();
+    scene.event(EventKind::Note { level: NoteLevel::Warning, text, item: None });
+    assert!(scene.text().contains("GB-7 is in module SN-1 too"), "{}", scene.text());
 }

@@ -6,6 +6,7 @@ use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::quantity::Dimension;
 
 use super::*;
+use crate::tui::model::{DriftLimits, PlanAsks};
 
 #[test]
 fn the_operator_sees_which_limits_count_in_each_language() {
@@ -40,10 +41,67 @@ fn the_drift_on_the_screen_has_the_limit_of_the_part() {
         drift_limit: Some(limit("<= 2 degC")),
     }];
     let part = PartName::new("A", None);
-    plan.drift_limits_of_parts = vec![(part.clone(), vec![(item.into(), Some(limit("<= 1 degC")))])];
+    let limits = DriftLimits { part: part.clone(), limits: vec![(item.into(), Some(limit("<= 1 degC")))] };
+    plan.asks = std::sync::Arc::new(PlanAsks { drift_limits: vec![limits], ..PlanAsks::default() });
     let module = PartName::new("A", Some("B"));
     let of = |part| Some(LimitsChosen { part, module: module.clone() });
     assert_eq!(plan.drift_limit(item, None), Some(&limit("<= 2 degC")));
     assert_eq!(plan.drift_limit(item, of(None).as_ref()), Some(&limit("<= 2 degC")));
     assert_eq!(plan.drift_limit(item, of(Some(part)).as_ref()), Some(&limit("<= 1 degC")));
+}
+
+/// A screen whose plan has limits for a part.
+fn with_parts(lang: Lang) -> Scene {
+    let mut scene = Scene::new(lang, 80, 24).expect("a scene");
+    let Loaded::Ready(plan) = &mut scene.model.plan else { panic!("a plan") };
+    let parts = vec![PartName::new("GNC/1.2", None), PartName::new("GNC/1.2", Some("C"))];
+    plan.asks = std::sync::Arc::new(PlanAsks { parts, ..PlanAsks::default() });
+    scene
+}
+
+fn scan(scene: &mut Scene, code: &str) {
+    let scanned = crate::tui::input::Scanned { bytes: code.as_bytes().to_vec(), ended: true, ..Default::default() };
+    scene.tell(Msg::Scan(scanned));
+}
+
+#[test]
+fn a_scan_of_a_part_that_the_plan_names_is_no_serial_number() {
+    for lang in Lang::ALL {
+        let mut scene = with_parts(lang);
+        scan(&mut scene, "SN-1");
+        scan(&mut scene, "]C1gnc/1.2\r");
+        assert!(scene.text().contains("gnc/1.2"), "{lang:?}: {}", scene.text());
+        assert_eq!(scene.model.scan.current.as_deref(), Some("SN-1"));
+        assert_eq!(scene.model.part, ["gnc/1.2", ""]);
+        // It stays for the next module, and another part is a serial number as ever.
+        scan(&mut scene, "GNC/1.3");
+        assert_eq!((scene.model.scan.current.as_deref(), scene.model.part[0].as_str()), (Some("GNC/1.3"), "gnc/1.2"));
+    }
+}
+
+#[test]
+fn part_and_revision_are_typed_on_the_form() {
+    let mut scene = with_parts(Lang::En);
+    scan(&mut scene, "SN-1");
+    scene.key(Key::F(2));
+    // Below plan, bench and operator.
+    (0..3).for_each(|_| drop(scene.key(Key::Down)));
+    scene.types("GNC/1.2");
+    scene.key(Key::Down);
+    scene.types("C");
+    let text = scene.text();
+    assert!(text.contains("Part number") && text.contains("GNC/1.2") && text.contains("Revision"), "{text}");
+    // A scan goes into the form as well, and says nothing of the revision.
+    scan(&mut scene, "GNC/1.2");
+    assert_eq!(scene.model.part, ["GNC/1.2", ""]);
+    scene.types("C");
+    scene.key(Key::Enter);
+    assert_eq!(scene.model.part, ["GNC/1.2", "C"]);
+}
+
+#[test]
+fn a_plan_without_parts_has_no_line_for_them() {
+    let mut scene = Scene::new(Lang::En, 80, 24).expect("a scene");
+    scene.key(Key::F(2));
+    assert!(!scene.text().contains("Part number"), "{}", scene.text());
 }

@@ -385,6 +385,9 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
             return None;
         }
     }
+    if let Some(part) = &form.part {
+        model.part = part.each_ref().map(|field| field.text().trim().to_owned());
+    }
     let later = model.is_running();
     for number in &form.numbers {
         if number.is_changed(model) {

@@ -1,6 +1,6 @@
 //! From a scan, or from the form, to the numbers of orders, sub-units and others.
 
-use gnc_executive::numbers::{self, NumberError, NumberField};
+use gnc_executive::numbers::{self, NumberError, NumberField, NumberKind};
 use gnc_text::printable;
 
 use super::words;
@@ -8,21 +8,10 @@ use crate::tui::field::InputField;
 use crate::tui::model::{MessageWeight, Over, ScreenModel};
 use crate::tui::numbers::label;
 
-/// The numbers that bench and plan ask for, as far as these are known.
-pub(crate) fn asked(model: &ScreenModel) -> Vec<NumberField> {
-    let (bench, plan) = by_whom(model);
-    numbers::asked(bench, plan).into_iter().cloned().collect()
-}
-
-fn by_whom(model: &ScreenModel) -> (&[NumberField], &[NumberField]) {
-    let bench = model.bench.ready().map_or(&[][..], |bench| &bench.numbers);
-    (bench, model.plan.ready().map_or(&[][..], |plan| &plan.numbers))
-}
-
 /// The only number whose pattern a scan fits.
 pub(super) fn fitting(model: &ScreenModel, scanned: &str) -> Option<NumberField> {
     let fits = |field: &NumberField| field.pattern.as_ref().is_some_and(|pattern| pattern.fits(scanned));
-    let mut fitting = asked(model).into_iter().filter(fits);
+    let mut fitting = model.asked_numbers().into_iter().filter(fits);
     fitting.next().filter(|_| fitting.next().is_none())
 }
 
@@ -39,10 +28,21 @@ pub(super) fn take(model: &mut ScreenModel, field: &NumberField, scanned: &str) 
     model.say(MessageWeight::Info, told);
 }
 
+/// Takes a scan as the part that modules must be from now on. Its revision is not known then.
+pub(super) fn take_part(model: &mut ScreenModel, scanned: &str) {
+    model.part = [scanned.to_owned(), String::new()];
+    let part = model.part.each_ref().map(|text| InputField::new(text));
+    if let Some(Over::Setup(form)) = model.over.last_mut() {
+        form.part = Some(part);
+    }
+    let told = words(model.texts.number_taken, &[model.texts.setup_part, &printable(scanned)]);
+    model.say(MessageWeight::Info, told);
+}
+
 /// What is wrong with a number of the form.
 pub(super) fn misfit(model: &ScreenModel, key: &str, value: &str) -> Option<String> {
-    let (bench, plan) = by_whom(model);
-    let field = asked(model).into_iter().find(|field| field.key == key).filter(|_| !value.is_empty())?;
+    let (bench, plan) = model.numbers_of_bench_and_plan();
+    let field = model.asked_numbers().into_iter().find(|field| field.key == key).filter(|_| !value.is_empty())?;
     Some(match numbers::check_form(bench, plan, &field, value).err()? {
         NumberError::Misfit { pattern, .. } => {
             words(model.texts.number_misfit, &[&name(model, &field), &printable(value), &printable(&pattern)])
@@ -53,15 +53,25 @@ pub(super) fn misfit(model: &ScreenModel, key: &str, value: &str) -> Option<Stri
 
 /// The first number without which no run begins: its place in the form, and what to tell.
 pub(super) fn lacking(model: &ScreenModel) -> Option<(usize, String)> {
-    let (bench, plan) = by_whom(model);
+    let (bench, plan) = model.numbers_of_bench_and_plan();
     let required = |key: &str| bench.iter().chain(plan).any(|field| field.key == key && field.required);
-    asked(model).iter().enumerate().find_map(|(index, field)| {
+    model.asked_numbers().iter().enumerate().find_map(|(index, field)| {
         let value = model.numbers.get(&field.key);
         let told = misfit(model, &field.key, value);
         let missing = || {
             (value.is_empty() && required(&field.key)).then(|| words(model.texts.number_needed, &[&name(model, field)]))
         };
         Some((index, told.or_else(missing)?))
+    })
+}
+
+/// Whether a note of the run begins with a sub-unit that was given for it.
+pub(super) fn is_about_sub_unit(model: &ScreenModel, note: &str) -> bool {
+    let fields = model.asked_numbers();
+    let mut units = fields.iter().filter(|field| field.kind == NumberKind::Subunit);
+    units.any(|field| {
+        let value = model.numbers.get(&field.key);
+        !value.is_empty() && note.starts_with(&format!("{} {} ", printable(&field.label.en), printable(value)))
     })
 }
 

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use gnc_bench::fixture::Ask;
-use gnc_executive::event::{Event, EventKind, OtherModule};
+use gnc_executive::event::{Event, EventKind, NoteLevel, OtherModule};
 use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 
-use super::{Effect, words};
+use super::{Effect, numbers, words};
 use crate::tui::field::InputField;
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
@@ -18,6 +18,10 @@ use crate::tui::pending::Interrupted;
 pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
     let now = model.now;
     let expected_s = model.plan.ready().and_then(|plan| plan.expected_s);
+    let of_sub_unit = match &event.kind {
+        EventKind::Note { text, .. } => numbers::is_about_sub_unit(model, text),
+        _ => false,
+    };
     let run = model.run.as_mut()?;
     if matches!(event.kind, EventKind::RunStarted { .. }) {
         run.state = RunState::new();
@@ -42,12 +46,23 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         model.say(MessageWeight::Error, told);
         return None;
     }
+    if let EventKind::Note { level: NoteLevel::Warning, text, item: None } = &event.kind
+        && of_sub_unit
+    {
+        // Another module has a sub-unit of this run.
+        let told = gnc_text::printable(text).into_owned();
+        model.mention(told);
+        return None;
+    }
     if let EventKind::LimitsChosen(LimitsChosen { part, module }) = &event.kind {
         let told = match part {
             Some(part) => words(model.texts.limits_of_part, &[&part_shown(part)]),
             None => words(model.texts.limits_of_plan, &[&part_shown(module)]),
         };
-        model.say(MessageWeight::Info, told);
+        // A warning that came before matters more.
+        if !matches!(model.message, Some((MessageWeight::Warning | MessageWeight::Error, _))) {
+            model.say(MessageWeight::Info, told);
+        }
         return None;
     }
     if let EventKind::ItemStarted { item, .. } = &event.kind

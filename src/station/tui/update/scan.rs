@@ -1,6 +1,7 @@
 //! From a scan, or from typed text, to the serial number.
 
 use gnc_executive::numbers::NumberField;
+use gnc_executive::part::PartName;
 use gnc_executive::serial_number::SerialNumberPattern;
 
 use super::{Effect, numbers, words};
@@ -68,6 +69,10 @@ fn take_scanned(model: &mut ScreenModel, number: &str, typed: &InputField) -> Op
         numbers::take(model, &field, &number);
         return None;
     }
+    if is_part(model, &number) {
+        numbers::take_part(model, &number);
+        return None;
+    }
     if let Some(problem) = misfit(model, &number) {
         model.say(MessageWeight::Error, problem);
         return None;
@@ -115,6 +120,10 @@ pub(super) fn finish_typed(model: &mut ScreenModel) -> Result<Option<Effect>, ()
             numbers::take(model, &field, &number);
             return Ok(None);
         }
+        Ok(number) if is_part(model, &number) => {
+            numbers::take_part(model, &number);
+            return Ok(None);
+        }
         Ok(number) => match misfit(model, &number) {
             None => return Ok(take_number(model, number)),
             Some(problem) => problem,
@@ -135,7 +144,7 @@ pub(super) fn take_number(model: &mut ScreenModel, number: String) -> Option<Eff
         return None;
     }
     if model.scan.current.as_ref() != Some(&number) {
-        let fields = numbers::asked(model);
+        let fields = model.asked_numbers();
         model.numbers.new_module(&fields);
     }
     model.scan.current = Some(number);
@@ -160,6 +169,13 @@ fn patterns(model: &ScreenModel) -> impl Iterator<Item = &SerialNumberPattern> {
 
 fn is_asked_for(model: &ScreenModel, number: &str) -> bool {
     patterns(model).next().is_some() && patterns(model).all(|pattern| pattern.fits(number))
+}
+
+/// Whether a scan is the number of a part that has limits of its own, and no serial number.
+fn is_part(model: &ScreenModel, number: &str) -> bool {
+    let scanned = PartName::new(number, None);
+    let asked = |part: &PartName| scanned.is_asked_for_by(&PartName::new(&part.number, None));
+    model.parts().iter().any(asked) && !is_asked_for(model, number)
 }
 
 /// The number of an order, a sub-unit or another one that a scan is, and no serial number.

@@ -1,6 +1,6 @@
 //! From a key to a run: the checks and the questions before the run begins.
 
-use super::{Effect, StartRequest, numbers, scan};
+use super::{Effect, StartRequest, scan};
 use crate::tui::keymap::KeyAction;
 use crate::tui::lang;
 use crate::tui::live::History;
@@ -126,9 +126,10 @@ fn start(model: &mut ScreenModel) -> Option<Effect> {
     model.run = Some(RunView::new(serial_number.clone(), rounds, expected_s, &model.now));
     model.message = None;
     model.cursor = 0;
-    let fields = numbers::asked(model);
+    let fields = model.asked_numbers();
     Some(Effect::Start(StartRequest {
         serial_number,
+        part: model.part.clone(),
         numbers: model.numbers.of(&fields),
         plan_sha256,
         resume,

@@ -27,7 +27,9 @@ pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area
         .map(|(index, line)| {
             let here = index == form.line;
             let value = value(model, form, *line, here);
-            let arrows = if here && !matches!(line, FormLine::Operator | FormLine::Number(_)) {
+            let arrows = if here
+                && !matches!(line, FormLine::Operator | FormLine::Part | FormLine::Revision | FormLine::Number(_))
+            {
                 ("< ", " >")
             } else {
                 ("  ", "  ")
@@ -69,6 +71,8 @@ fn label(model: &ScreenModel, form: &Form, line: FormLine) -> String {
         FormLine::Plan => texts.setup_plan,
         FormLine::Bench => texts.setup_bench,
         FormLine::Operator => texts.setup_operator,
+        FormLine::Part => texts.setup_part,
+        FormLine::Revision => texts.setup_revision,
         FormLine::Rounds => texts.setup_rounds,
         FormLine::AfterFailure => texts.setup_on_fail,
         FormLine::Language => texts.setup_language,
@@ -83,6 +87,8 @@ fn value(model: &ScreenModel, form: &Form, line: FormLine, here: bool) -> String
         FormLine::Plan => typed(form.plan.text()),
         FormLine::Bench => typed(form.bench.text()),
         FormLine::Operator => typed(form.operator.text()),
+        FormLine::Part => form.part.as_ref().map(|[part, _]| typed(part.text())).unwrap_or_default(),
+        FormLine::Revision => form.part.as_ref().map(|[_, revision]| typed(revision.text())).unwrap_or_default(),
         FormLine::Number(index) => form.numbers.get(index).map(|number| typed(number.field.text())).unwrap_or_default(),
         FormLine::Rounds => {
             let number = typed(form.number.text());
