@@ -19,7 +19,7 @@ use super::{SIZES, scene};
 fn question(kind: QuestionKind, back: bool) -> Ask {
     let limit = match &kind {
         QuestionKind::Number { .. } => "4.9 .. 5.1 V",
-        QuestionKind::Text { .. } => "like GPS-[0-9]{5}",
+        QuestionKind::Text { .. } => "=~ GPS-[0-9]{5}",
         QuestionKind::Choice { .. } => "== clean",
         QuestionKind::Done => "== done",
     };
@@ -80,6 +80,34 @@ fn a_pasted_answer_may_have_blanks_and_its_unit() {
     let mut scene = asked(Lang::En, question(volts(), false));
     pastes(&mut scene, "  3,3 V ");
     assert_eq!(scene.key(Key::F(2)), text("  3,3 V "));
+}
+
+/// Text is pasted with its line end, which comes as a blank: lines are not joined into another number.
+#[test]
+fn pasted_lines_are_no_number() {
+    let mut scene = asked(Lang::En, question(volts(), false));
+    pastes(&mut scene, "3,3 V  ");
+    assert_eq!(scene.key(Key::F(2)), text("3,3 V  "));
+    let mut scene = asked(Lang::En, question(volts(), false));
+    pastes(&mut scene, "3 3");
+    assert_eq!(scene.key(Key::F(2)), None);
+    // What cannot be text goes, so that the operator can type anew.
+    let mut scene = asked(Lang::En, question(volts(), false));
+    scene.types("5");
+    scene.key(Key::Control);
+    assert_eq!(scene.key(Key::F(2)), None);
+    assert!(message(&scene).contains("control characters"), "{}", message(&scene));
+    scene.types("4.9");
+    assert_eq!(scene.key(Key::F(2)), text("4.9"));
+}
+
+/// A scanner in another layout types other letters: that is told, and not only that the text does not fit.
+#[test]
+fn a_scan_in_another_layout_is_told() {
+    let mut scene = asked(Lang::En, question(gps(), false));
+    scene.scans("ПЗЫ-00042\r");
+    assert!(message(&scene).contains("another layout"), "{}", message(&scene));
+    assert!(scene.text().contains("Answer: _"), "{}", scene.text());
 }
 
 /// A scan fills the answer and files nothing, whatever the scanner sends behind the code.
@@ -210,7 +238,7 @@ fn a_question_is_asked_in_the_language_of_the_screen() {
         for (width, height) in SIZES.into_iter().chain([(80, 23), (80, 16), (60, 16)]) {
             for (kind, parts) in [
                 (volts(), vec!["V", "4.9 .. 5.1 V", "plans/tp4.png"]),
-                (gps(), vec!["like GPS-[0-9]{5}", "plans/tp4.png"]),
+                (gps(), vec!["=~ GPS-[0-9]{5}", "plans/tp4.png"]),
                 (choices(), vec!["1 clean, 2 worn", "== clean"]),
                 (QuestionKind::Done, vec!["plans/tp4.png"]),
             ] {
