@@ -123,6 +123,15 @@ fn answers_and_pictures_are_checked_before_the_run() {
     assert_eq!(place.run(["plan", "check", "plans/p.toml"]).code, Some(2));
     place.write("plans/tp4.png", "a picture");
     assert_eq!(place.run(["plan", "check", "plans/p.toml"]).code, Some(0));
+    // Who judges again asks nobody, and needs no picture.
+    let args =
+        ["--auto", "plans/p.toml", "--sim", "--sim-speed", "max", "--serial-number", "A", "--answer", "tp4=5.05"];
+    assert_eq!(place.run(args).code, Some(0));
+    std::fs::remove_file(place.path().join("plans/tp4.png")).expect("the picture");
+    place.write("plans/p.toml", &pictured.replace("5.1 V", "5.0 V"));
+    let run = place.runs()[0].display().to_string();
+    let again = place.run(["recompute", &run, "--plan", "plans/p.toml"]);
+    assert!(again.stdout.contains("was passed, is failed"), "{}{}", again.stdout, again.stderr);
 }
 
 /// No port, no board, or another device behind the port: the run is errored, not failed, and says what to look at.

@@ -191,6 +191,9 @@ impl Fixture {
         drive: impl FnOnce(&dyn Rig) -> Result<(), DriverError>,
     ) -> Result<(), FixtureError> {
         let what = ask.action();
+        if let Self::Operator(operator) = self {
+            operator.forget().await;
+        }
         recorder.prompted(&ask.to_string()).await?;
         let answer = match self {
             Self::Absent => return Err(FixtureError::Nobody { what }),
@@ -246,10 +249,16 @@ impl Operator {
         Ok(Self { lines: Mutex::new(lines) })
     }
 
+    /// Forgets the lines so far: a line that was typed before a question does not answer it. The caller shows the question after
+    /// this, so that no line that answers it is lost.
+    pub(crate) async fn forget(&self) {
+        let mut lines = self.lines.lock().await;
+        while lines.try_recv().is_ok() {}
+    }
+
     /// Waits for a line that answers a question of the plan.
     pub(crate) async fn reply(&self, ask: &Ask) -> Result<Reply, FixtureError> {
         let mut lines = self.lines.lock().await;
-        while lines.try_recv().is_ok() {}
         let line = lines.recv().await.ok_or_else(|| FixtureError::TerminalClosed { what: ask.action() })?;
         Ok(match line.trim() {
             BACK => Reply::Back,
@@ -261,8 +270,6 @@ impl Operator {
     /// Waits for an empty line or a no. Any other line, such as a scan, asks again.
     async fn wait(&self, ask: &Ask, recorder: &Recorder<'_>) -> Result<String, FixtureError> {
         let mut lines = self.lines.lock().await;
-        // A line that was typed before the question does not answer it.
-        while lines.try_recv().is_ok() {}
         loop {
             let Some(line) = lines.recv().await else {
                 return Err(FixtureError::TerminalClosed { what: ask.action() });

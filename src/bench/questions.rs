@@ -107,6 +107,13 @@ impl<'a> Asked<'a> {
         }
     }
 
+    /// Forgets what was typed before a question. The caller files the question after this.
+    pub(crate) async fn forget(self) {
+        if let Self::Terminal(operator) = self {
+            operator.forget().await;
+        }
+    }
+
     /// Asks, and waits as long as it takes. The caller has filed the question.
     pub(crate) async fn reply(self, ask: &Ask, recorder: &Recorder<'_>) -> Result<Reply, FixtureError> {
         match self {

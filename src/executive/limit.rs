@@ -168,17 +168,14 @@ impl fmt::Display for Limit {
     }
 }
 
-/// Good texts for people: "== clean", "one of clean, worn".
+/// Good texts for people of every language: "== clean", "== clean | worn".
 pub(crate) fn one_of(texts: &[String]) -> String {
-    match texts {
-        [text] => format!("== {}", printable(text)),
-        texts => format!("one of {}", printable(&texts.join(", "))),
-    }
+    format!("== {}", printable(&texts.join(" | ")))
 }
 
-/// A pattern for people.
+/// A pattern for people: "=~ GPS-[0-9]{5}".
 pub(crate) fn matches(pattern: &str) -> String {
-    format!("like {}", printable(pattern))
+    format!("=~ {}", printable(pattern))
 }
 
 /// Bounds for people: ">= 4.75 V", "0.4655 .. 0.5145 A"; empty without bounds.

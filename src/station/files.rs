@@ -11,12 +11,24 @@ use gnc_text::quoted;
 
 use crate::refusal::CommandRefusal;
 
-/// Reads and checks a plan with all that it includes.
+/// Reads and checks a plan with all that it includes, and with its pictures.
 pub(crate) fn plan(path: &Path) -> Result<CheckedPlan, CommandRefusal> {
+    checked(path, missing_pictures)
+}
+
+/// The same for a plan that asks nobody: its limits judge what was answered before.
+pub(crate) fn plan_to_judge(path: &Path) -> Result<CheckedPlan, CommandRefusal> {
+    checked(path, |_| Vec::new())
+}
+
+fn checked(
+    path: &Path,
+    look: impl Fn(&PlanItem) -> Vec<(String, &'static str)>,
+) -> Result<CheckedPlan, CommandRefusal> {
     let bytes = read(path, MAX_PLAN_BYTES).map_err(|error| cannot_read("plan", path, &error))?;
     let mut load = |name: &str| read(Path::new(name), MAX_PLAN_BYTES).map_err(|error| error.to_string());
     let plan = Plan::read(&path.to_string_lossy(), bytes, &mut load);
-    plan.and_then(|plan| plan.check(missing_pictures))
+    plan.and_then(|plan| plan.check(look))
         .and_then(CheckedPlan::new)
         .map_err(|mistakes| CommandRefusal::new(mistakes, ""))
 }

@@ -109,6 +109,7 @@ impl Asker<'_> {
         }
         let Some(last) = lines.iter().rfind(|line| line.by_person) else { return Ok(None) };
         let ask = Ask::LookOver(said);
+        self.person.forget().await;
         self.recorder.asked(last.question, &ask.to_string()).await?;
         match self.person.reply(&ask, self.recorder).await? {
             Reply::Back => {
@@ -134,6 +135,7 @@ impl Asker<'_> {
                 let question = format!("{} ({})", question.name, question.words.en);
                 return Err(FixtureError::NobodyAnswers { question }.into());
             }
+            self.person.forget().await;
             self.recorder.asked(question, &ask.to_string()).await?;
             let typed = match self.person.reply(&ask, self.recorder).await? {
                 Reply::NotPossible => {

@@ -133,7 +133,7 @@ fn texts_and_choices_are_judged() {
     let item = item();
     let gps = judged(&item, "gps_board", " GPS-00042\r\n");
     assert_eq!((gps.pattern.as_deref(), gps.outcome), (Some("GPS-[0-9]{5}"), Some(Outcome::Passed)));
-    assert_eq!(gps.limit_text(), "like GPS-[0-9]{5}");
+    assert_eq!(gps.limit_text(), "=~ GPS-[0-9]{5}");
     for typed in ["GPS-0042", "GPS-00042x", "gps-00042"] {
         assert!(read(&item, "gps_board", typed).expect_err(typed).contains("does not match GPS-[0-9]{5}"), "{typed}");
     }
@@ -145,7 +145,7 @@ fn texts_and_choices_are_judged() {
     ] {
         let look = judged(&item, "look", typed);
         assert_eq!((look.value_text().as_str(), look.outcome), (value, Some(outcome)), "{typed}");
-        assert_eq!(look.limit_text(), "one of clean, worn");
+        assert_eq!(look.limit_text(), "== clean | worn");
     }
     for typed in ["", "0", "4", "dirty", "1.0", "-1"] {
         read(&item, "look", typed).expect_err(typed);

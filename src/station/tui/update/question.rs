@@ -6,7 +6,7 @@ use gnc_executive::plan::QuestionKind;
 use super::{Effect, scan};
 use crate::tui::decode::Key;
 use crate::tui::field::InputField;
-use crate::tui::framing;
+use crate::tui::framing::{self, ScanProblem};
 use crate::tui::input::Scanned;
 use crate::tui::keymap::KeyAction;
 use crate::tui::lang;
@@ -46,7 +46,12 @@ pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) {
     let Some(prompt) = prompt(model) else { return };
     let kept = prompt.typed.text().chars().count().saturating_sub(scanned.taken_back);
     let before: String = prompt.typed.text().chars().skip(kept).collect();
-    match framing::number(&before, scanned) {
+    let fits = |text: &str| prompt.question().is_some_and(|asked| asked.question.read(text).is_ok());
+    let read = match framing::number(&before, scanned) {
+        Ok(text) if framing::is_other_layout(&text) && !fits(&text) => Err(ScanProblem::Layout(text)),
+        read => read,
+    };
+    match read {
         Ok(text) => prompt.typed = InputField::new(&text),
         Err(problem) => {
             prompt.typed = InputField::default();
@@ -71,7 +76,10 @@ pub(super) fn answer(model: &mut ScreenModel, action: KeyAction) -> Option<Effec
         _ => {
             let typed = prompt.typed.text().to_owned();
             let problem = match prompt.question().map(|asked| asked.question.read(&typed)) {
-                _ if prompt.typed.has_control() => Some(texts.answer_control.to_owned()),
+                _ if prompt.typed.has_control() => {
+                    prompt.typed.clear();
+                    Some(texts.answer_control.to_owned())
+                }
                 Some(Err(error)) => Some(lang::answer_error(texts, &error)),
                 _ => None,
             };
