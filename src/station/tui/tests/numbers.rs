@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
+use gnc_executive::event::NoteLevel;
 use gnc_executive::numbers::{NumberField, NumberKind, NumberLabel};
 use gnc_executive::serial_number::SerialNumberPattern;
 
 use super::*;
 use crate::tui::input::Scanned;
-use crate::tui::model::PlanAsks;
+use crate::tui::model::{Loaded, PlanAsks};
 
 fn field(key: &str, kind: NumberKind, pattern: Option<&str>, required: bool) -> NumberField {
     let label = NumberLabel { en: format!("The {key}"), zh: format!("中{key}"), ru: format!("Ж{key}") };

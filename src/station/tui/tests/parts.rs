@@ -6,7 +6,7 @@ use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::quantity::Dimension;
 
 use super::*;
-use crate::tui::model::{DriftLimits, PlanAsks};
+use crate::tui::model::{DriftLimits, Loaded, PlanAsks};
 
 #[test]
 fn the_operator_sees_which_limits_count_in_each_language() {
@@ -38,6 +38,7 @@ fn the_drift_on_the_screen_has_the_limit_of_the_part() {
         captures: 1,
         lays: 1,
         span_s: 1.0,
+        anew_s: 1.0,
         drift_limit: Some(limit("<= 2 degC")),
     }];
     let part = PartName::new("A", None);

@@ -1,6 +1,6 @@
 //! What keys and scans do while a question is open.
 
-use gnc_bench::fixture::Ask;
+use gnc_bench::fixture::{Ask, Reply};
 use gnc_executive::event::EventKind;
 
 use super::{scene, scenes::SCENES};
@@ -83,7 +83,7 @@ fn a_scan_during_a_question_is_whole_and_answers_nothing() {
     scene.tell(Msg::Scan(Scanned { bytes: b"SN-0003".to_vec(), ended: false, taken_back: 0, dropped: 0 }));
     assert_eq!(scene.key(Key::Enter), None);
     assert_eq!(scene.model.scan.next.as_deref(), Some("SN-0003"));
-    assert_eq!(scene.key(Key::F(2)), Some(Effect::Answer(true)));
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::Answer(Reply::Done)));
     // However much a hand types, the last letters are those of the scan.
     let mut scene = asked();
     scene.types(&"x".repeat(500));
