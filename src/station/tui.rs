@@ -13,6 +13,7 @@ mod live;
 mod look;
 mod model;
 mod pending;
+mod prompt;
 mod records;
 mod scene;
 mod session;
