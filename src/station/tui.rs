@@ -14,6 +14,7 @@ mod look;
 mod model;
 mod numbers;
 mod pending;
+mod prompt;
 mod records;
 mod scene;
 mod session;

@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset};
 use gnc_analysis::motion::{self, MotionProgram, MotionStep};
-use gnc_bench::fixture::{Ask, QuestionAsked};
 use gnc_bench::guidance::Guidance;
 use gnc_executive::catalogue::TEMPERATURE_DRIFT;
 use gnc_executive::event::{BenchKind, PlannedItem};
@@ -15,7 +14,7 @@ use gnc_executive::limit::Limit;
 use gnc_executive::numbers::{self, NumberField};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::{LimitsChosen, PartName};
-use gnc_executive::plan::{Phase, PlanItem, QuestionKind};
+use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
@@ -27,6 +26,7 @@ use super::keymap::KeyContext;
 use super::lang::{Lang, Texts};
 use super::numbers::Numbers;
 use super::pending::{Interrupted, PendingStart};
+pub(crate) use super::prompt::Prompt;
 use super::records::Records;
 use crate::files::ChangedFile;
 
@@ -267,37 +267,6 @@ pub(crate) struct Progress {
     pub elapsed: Duration,
     /// The way through its captures, if it captures.
     pub guidance: Option<Arc<Guidance>>,
-}
-
-/// A question of the run.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Prompt {
-    pub item: String,
-    pub ask: Ask,
-    /// When it came, since the start of the program.
-    pub since: Duration,
-    /// The answer as far as it is typed.
-    pub typed: InputField,
-}
-
-impl Prompt {
-    /// The question of the plan that it is, if it is one.
-    pub(crate) fn question(&self) -> Option<&QuestionAsked> {
-        match &self.ask {
-            Ask::Question(asked) => Some(asked),
-            _ => None,
-        }
-    }
-
-    /// Whether it is a question of the plan, or the look over the answers.
-    fn has_answer(&self) -> bool {
-        matches!(self.ask, Ask::Question(_) | Ask::LookOver(_))
-    }
-
-    /// Whether it takes words. "Done" is a key.
-    pub(crate) fn takes_words(&self) -> bool {
-        self.question().is_some_and(|asked| asked.question.kind != QuestionKind::Done)
-    }
 }
 
 /// How far a pause is.
