@@ -43,7 +43,7 @@ fn says(part: &str, hardware: &str) -> String {
 }
 
 fn run(plan: &str, module: &str, asked: Option<PartName>) -> RunState {
-    run_request(&gnc_bench::service::RunRequest { part: asked, ..request(plan) }, &options(module), |_, _| {})
+    run_request(&gnc_bench::service::RunRequest { part: asked, ..request(plan) }, &options(module), |_, _| {}, |_| {})
 }
 
 fn verdict(state: &RunState) -> Outcome {
