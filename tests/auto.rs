@@ -75,6 +75,65 @@ fn a_plan_with_prompts_is_refused_without_an_operator() {
     check_refused(&["--auto", plan, "--serial-number", "A"], &files, &["ad", "operator", "on a terminal"]);
 }
 
+const ASKING: &str = "name = \"by-hand\"\nversion = \"1\"\n[[item]]\nid = \"prompt\"\n[[item.ask]]\nname = \"tp4\"\n\
+                      en = \"What does the meter read?\"\nkind = \"number\"\nunit = \"V\"\n\
+                      [item.limits]\ntp4 = \"4.9 V .. 5.1 V\"\n";
+
+/// Nothing answers in place of a person: without `--answer` the item is errored, and with it it is judged.
+#[test]
+fn answers_of_the_command_line_are_judged() {
+    for (answer, code, word) in [
+        (None, 3, "nobody is there to answer the question tp4"),
+        (Some("tp4=5,01 V"), 0, "tp4 5.01 V (4.9 .. 5.1 V)"),
+        (Some("tp4=3300 mV"), 1, "tp4 3.3 V (4.9 .. 5.1 V)"),
+    ] {
+        let place = Place::new(STATION);
+        place.write("p.toml", ASKING);
+        let args = ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "A"];
+        let run = place.run(args.into_iter().chain(answer.iter().flat_map(|answer| ["--answer", *answer])));
+        assert_eq!(run.code, Some(code), "{answer:?}: {}{}", run.stdout, run.stderr);
+        assert!(run.stdout.contains(word), "{answer:?}: {}", run.stdout);
+        assert_eq!(run.stdout.contains("--answer NAME=VALUE"), answer.is_none(), "{}", run.stdout);
+        let report = std::fs::read_to_string(place.runs()[0].join("report.html")).expect("a report");
+        let asked = ["What does the meter read?", "the command line"].iter().all(|words| report.contains(words));
+        assert_eq!(asked, answer.is_some(), "{answer:?}: the report has question and answer");
+    }
+}
+
+/// Before anything is switched on: an answer without a question, one that is none, a picture that is not there.
+#[test]
+fn answers_and_pictures_are_checked_before_the_run() {
+    let files = [("p.toml", ASKING)];
+    let args = ["--auto", "p.toml", "--sim", "--serial-number", "A", "--answer"];
+    for (answer, words) in [
+        ("tp5=1", ["no question \"tp5\"", "did you mean \"tp4\"?"]),
+        ("tp4=five", ["the answer to tp4: \"five\" is not a number", "3.3"]),
+        ("tp4=1e999", ["too large", "read the number again"]),
+        ("tp4", ["--answer", "tp4=3.3"]),
+    ] {
+        check_refused(&[&args[..], &[answer]].concat(), &files, &words);
+    }
+    let pictured = ASKING.replace("unit = \"V\"\n", "unit = \"V\"\npicture = \"tp4.png\"\n");
+    let files = [("p.toml", pictured.as_str())];
+    check_refused(&args[..5], &files, &["p.toml:4:6", "the question tp4 shows \"tp4.png\"", "no such file"]);
+    // Checked alone, and found beside the plan, wherever the program is started.
+    let place = Place::new(STATION);
+    std::fs::create_dir(place.path().join("plans")).expect("a folder");
+    place.write("plans/p.toml", &pictured);
+    assert_eq!(place.run(["plan", "check", "plans/p.toml"]).code, Some(2));
+    place.write("plans/tp4.png", "a picture");
+    assert_eq!(place.run(["plan", "check", "plans/p.toml"]).code, Some(0));
+    // Who judges again asks nobody, and needs no picture.
+    let args =
+        ["--auto", "plans/p.toml", "--sim", "--sim-speed", "max", "--serial-number", "A", "--answer", "tp4=5.05"];
+    assert_eq!(place.run(args).code, Some(0));
+    std::fs::remove_file(place.path().join("plans/tp4.png")).expect("the picture");
+    place.write("plans/p.toml", &pictured.replace("5.1 V", "5.0 V"));
+    let run = place.runs()[0].display().to_string();
+    let again = place.run(["recompute", &run, "--plan", "plans/p.toml"]);
+    assert!(again.stdout.contains("was passed, is failed"), "{}{}", again.stdout, again.stderr);
+}
+
 /// No port, no board, or another device behind the port: the run is errored, not failed, and says what to look at.
 #[test]
 fn a_bench_without_a_board_is_errored() {

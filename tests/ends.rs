@@ -135,7 +135,7 @@ fn a_killed_run_is_sealed_by_the_next_start() {
 }
 
 /// A run is killed, and the next start is killed between digests and chain: the start after that puts the run into the
-/// chain. A run that ended is left out of the chain, since its folder may come from elsewhere.
+/// chain. Where the chain was lost, a run that ended is left out of it, since its folder may come from elsewhere.
 #[test]
 fn a_sealed_run_that_missed_the_chain_is_put_into_it() {
     let place = Place::new(STATION);
@@ -165,7 +165,7 @@ fn a_sealed_run_that_missed_the_chain_is_put_into_it() {
     without_chain();
     assert_eq!(start(), PARTIAL);
     let problems = chain::verify(&records).expect("a chain").problems;
-    assert!(problems.len() == 1 && problems[0].contains("was not closed by a station"), "{problems:?}");
+    assert!(problems.len() == 1 && problems[0].contains("is not in the chain"), "{problems:?}");
 }
 
 /// A run is killed in a capture: the next start writes the missing end of the raw file and says so in the record. The
@@ -230,9 +230,9 @@ fn a_run_that_goes_on_is_not_sealed() {
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
 
-/// A complete journal in a folder that was never closed may come from elsewhere: it does not become a pass later.
+/// Somebody removed the digests of a run that the chain names: no start makes them anew.
 #[test]
-fn a_run_that_ended_and_was_not_closed_stays_unsealed() {
+fn a_run_that_lost_its_digests_stays_unsealed() {
     let place = Place::new(STATION);
     let one = || Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0;
     assert_eq!(one(), PARTIAL);
@@ -240,6 +240,61 @@ fn a_run_that_ended_and_was_not_closed_stays_unsealed() {
     fs::remove_file(run.join("SHA256SUMS")).expect("digests");
     assert_eq!(one(), PARTIAL);
     assert!(!run.join("SHA256SUMS").exists());
+}
+
+/// The power fails between the end of a run and its line in the chain. The next start closes it late, says so, and
+/// `records verify` and the list say it from then on. The run is no pass, and nothing is called changed.
+#[test]
+fn a_run_that_ended_before_it_was_closed_is_closed_late() {
+    let place = Place::new(STATION);
+    let one = || Running::start(&place, &["--sim", "--sim-speed", "max"]).end().0;
+    assert_eq!((one(), one()), (Some(0), Some(0)));
+    let run = place.runs().pop().expect("a run");
+    let records = place.path().join("records");
+    let chain = run.ancestors().nth(2).expect("a day").join("CHAIN");
+    let text = fs::read_to_string(&chain).expect("a chain");
+    let first = text.lines().next().expect("a line");
+    // As the disk was after the first run, with half of the next line.
+    let words: Vec<&str> = first.split(' ').collect();
+    fs::write(records.join("COUNTER"), format!("{} {}\n", words[0], words[3])).expect("a counter");
+    fs::write(&chain, &text[..text.len() - 9]).expect("a chain");
+    for file in ["SHA256SUMS", "run.json", "report.html"] {
+        fs::remove_file(run.join(file)).expect("a file of the end");
+    }
+    let before = place.run(["records", "verify"]);
+    assert!(before.stdout.contains("ended and not closed"), "{}", before.stdout);
+
+    assert_eq!(one(), Some(0));
+    let said = log(place.runs().last().expect("a run"));
+    assert!(said.contains("it is closed late now and never counts as a pass; test SIM-0001 again"), "{said}");
+    let verified = place.run(["records", "verify"]);
+    assert_eq!(verified.code, Some(0), "{}{}", verified.stdout, verified.stderr);
+    assert!(
+        verified.stdout.contains(": closed late at ")
+            && verified.stdout.contains("its files are as the journal left them")
+    );
+    assert!(
+        verified.stdout.contains("1 run of the chain was closed late and never counts as a pass"),
+        "{}",
+        verified.stdout
+    );
+    let shown = place.run(["records".as_ref(), "show".as_ref(), run.as_os_str()]).stdout;
+    assert!(shown.contains("CLOSED LATE: closed late at "), "{shown}");
+    let name = run.strip_prefix(&records).expect("below").to_str().expect("UTF-8");
+    let list = place.run(["records", "list"]).stdout;
+    assert_eq!(list.lines().filter(|line| line.contains("closed late")).count(), 1, "{list}");
+    let json: serde_json::Value = serde_json::from_str(&place.run(["records", "list", "--json"]).stdout).expect("JSON");
+    let seals: Vec<_> = json.as_array().into_iter().flatten().map(|one| (one["run"] == *name, &one["seal"])).collect();
+    assert_eq!(seals, [(false, &"held".into()), (true, &"closed_late".into()), (false, &"held".into())]);
+
+    let table = place.run(["records", "list", "--csv"]).stdout;
+    let last: Vec<_> = table.lines().filter_map(|line| line.rsplit(',').next()).collect();
+    assert_eq!(last, ["seal", "held", "closed_late", "held"], "{table}");
+
+    fs::write(run.join("log.txt"), "all is well").expect("a log");
+    let changed = place.run(["records", "verify", run.to_str().expect("UTF-8")]);
+    assert_eq!(changed.code, Some(1), "{}", changed.stdout);
+    assert!(changed.stdout.contains("its files were changed after that"), "{}", changed.stdout);
 }
 
 /// The computer stands still for longer than the board waits, as in a suspend: the module is made safe, the item in

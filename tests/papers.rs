@@ -42,10 +42,13 @@ fn number(value: &Value, pointer: &str) -> f64 {
 #[test]
 fn a_calibrated_module_gets_its_passport() {
     let place = Place::new(STATION);
-    let ended = run(&place, &SHORT.replace("version = \"1\"", "version = \"1 <b>&amp;'\""), &[]);
+    let head = "version = \"1 <b>&amp;'\"\n[numbers.order]\nlabel = \"Order <b>\"";
+    let ended = run(&place, &SHORT.replace("version = \"1\"", head), &["--number", "order=PO-1 </value>"]);
     assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
     let folder = folder(&place);
     let passport = read_json(&folder.join("passport.json"));
+    let number = serde_json::json!({ "key": "order", "label": "Order <b>", "value": "PO-1 </value>" });
+    assert_eq!(passport["origin"]["numbers"], serde_json::json!([number]));
     it_tells_the_truth(&passport);
     compute_says_the_same(&place, &folder, &passport);
     its_texts_stay_texts(&folder, &passport);

@@ -365,6 +365,33 @@ fn a_run_that_was_taken_away_is_missed() {
     assert!(run.stdout.contains("was closed, and its folder is missing"), "{}", run.stdout);
 }
 
+/// A module that is exchanged half way: the run is of neither, and what followed was not run.
+#[test]
+fn a_module_that_is_exchanged_in_mid_run_is_filed_against_neither() {
+    let place = Place::new(STATION);
+    place.write("swapped.toml", "description = \"swapped\"\n[module]\nswapped_after = 3\n");
+    let plan = "name = \"cycles\"\nversion = \"1\"\non_fail = \"continue\"\n[[item]]\nid = \"power-cycle\"\nparams = { cycles = 5 }\n\
+                limits.starts_missed = \"<= 0\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n";
+    place.write("p.toml", plan);
+    let more = ["--sim=swapped.toml", "--sim-speed", "max", "--serial-number", "SN-1", "--loops", "2"];
+    let errored = place.run(["--auto", "p.toml"].iter().chain(&more));
+    assert_eq!(errored.code, Some(3), "{}{}", errored.stdout, errored.stderr);
+    assert!(errored.stdout.contains("NOT THE SCANNED MODULE: SN-1 was scanned, SIM-OTHER is in the socket"));
+    // Another round would test a stranger.
+    let runs = place.runs();
+    assert_eq!(runs.len(), 1, "{runs:?}");
+    assert_eq!(runs[0].parent().and_then(std::path::Path::file_name), Some("_unassigned".as_ref()));
+    let record = gnc_tests::read_json(&runs[0].join("run.json"));
+    assert_eq!(record["other_module"], serde_json::json!({ "scanned": "SN-1", "found": "SIM-OTHER" }));
+    let ends: Vec<&serde_json::Value> =
+        record["items"].as_array().expect("items").iter().map(|item| &item["outcome"]).collect();
+    assert_eq!(ends, ["errored", "not_run"]);
+    assert_eq!(place.run(["records", "show", "SN-1"]).code, Some(2));
+    assert_eq!(place.run(["records", "verify"]).code, Some(0));
+    let again = place.run(["recompute", &runs[0].display().to_string()]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+}
+
 /// Another module in the socket than was scanned: errored, never failed; filed against neither number, with both inside.
 #[test]
 fn another_module_than_was_scanned_is_filed_against_neither() {

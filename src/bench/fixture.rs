@@ -12,10 +12,13 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 use tokio::sync::{Mutex, oneshot};
 
 use crate::recorder::Recorder;
-pub use ask::{Ask, SwitchReading, TakenOver, about_axis, turn_rates};
+pub use ask::{Ask, QuestionAsked, SwitchReading, TakenOver, about_axis, numbered, turn_rates};
 
 /// Bound on the lines typed ahead that are kept. More lines mean that a key is held down.
 const TYPED_AHEAD: usize = 16;
+
+/// The line that goes back to the question before.
+pub const BACK: &str = "<";
 
 /// Why the module was not turned or a switch not flipped.
 #[derive(Debug, thiserror::Error)]
@@ -31,6 +34,20 @@ pub(crate) enum FixtureError {
     Refused {
         /// What was to be done.
         what: String,
+    },
+    /// Nobody can answer a question of the plan.
+    #[error("nobody is there to answer the question {question}")]
+    NobodyAnswers {
+        /// Its name and its words.
+        question: String,
+    },
+    /// The answer on the command line is none.
+    #[error("the answer on the command line to {question} is none: {why}")]
+    NoAnswer {
+        /// Name of the question.
+        question: String,
+        /// Why.
+        why: String,
     },
     /// The terminal or screen that showed the question is closed.
     #[error("the terminal was closed before the operator did this: {what}")]
@@ -67,6 +84,9 @@ impl FixtureError {
     pub(crate) fn try_this(&self) -> &'static str {
         match self {
             Self::Nobody { .. } | Self::TerminalClosed { .. } => "run the plan on a terminal with an operator",
+            Self::NobodyAnswers { .. } | Self::NoAnswer { .. } => {
+                "answer it with --answer NAME=VALUE, or run the plan on a terminal or on the screen"
+            }
             Self::Refused { .. } => "repair the fixture and run the item again",
             Self::Fixture { .. } => "check the fixture and its cables; start the bench again",
             Self::Table { .. } => "check the motion in the plan, and the turntable's cables; start the bench again",
@@ -82,8 +102,21 @@ pub struct OperatorQuestion {
     pub item: String,
     /// What to do.
     pub ask: Ask,
-    /// Takes the answer: `false` means not possible. It is closed when the answer is no longer awaited.
-    pub answer: oneshot::Sender<bool>,
+    /// Takes the answer. It is closed when the answer is no longer awaited.
+    pub answer: oneshot::Sender<Reply>,
+}
+
+/// What a person answers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Reply {
+    /// It is done.
+    Done,
+    /// It is not possible.
+    NotPossible,
+    /// The answer to a question of the plan, as typed or scanned.
+    Text(String),
+    /// The question before is to be answered again.
+    Back,
 }
 
 /// The fixture of a bench.
@@ -158,11 +191,17 @@ impl Fixture {
         drive: impl FnOnce(&dyn Rig) -> Result<(), DriverError>,
     ) -> Result<(), FixtureError> {
         let what = ask.action();
+        if let Self::Operator(operator) = self {
+            operator.forget().await;
+        }
         recorder.prompted(&ask.to_string()).await?;
         let answer = match self {
             Self::Absent => return Err(FixtureError::Nobody { what }),
             Self::Operator(operator) => operator.wait(ask, recorder).await?,
-            Self::Screen(screen) => at_the_screen(screen, recorder.item(), ask).await?,
+            Self::Screen(screen) => match at_the_screen(screen, recorder.item(), ask).await? {
+                Reply::NotPossible => return Err(FixtureError::Refused { what }),
+                Reply::Done | Reply::Text(_) | Reply::Back => String::new(),
+            },
             Self::Driven(rig) => {
                 let failed = |source| FixtureError::Fixture { name: rig.name().to_owned(), what, source };
                 drive(rig.as_ref()).map_err(failed)?;
@@ -173,15 +212,16 @@ impl Fixture {
     }
 }
 
-async fn at_the_screen(screen: &mpsc::Sender<OperatorQuestion>, item: &str, ask: &Ask) -> Result<String, FixtureError> {
+/// Asks at the screen, and waits for the answer.
+pub(crate) async fn at_the_screen(
+    screen: &mpsc::Sender<OperatorQuestion>,
+    item: &str,
+    ask: &Ask,
+) -> Result<Reply, FixtureError> {
     let (answer, answered) = oneshot::channel();
     let closed = || FixtureError::TerminalClosed { what: ask.action() };
     screen.send(OperatorQuestion { item: item.to_owned(), ask: ask.clone(), answer }).await.map_err(|_| closed())?;
-    match answered.await {
-        Ok(true) => Ok(String::new()),
-        Ok(false) => Err(FixtureError::Refused { what: ask.action() }),
-        Err(_) => Err(closed()),
-    }
+    answered.await.map_err(|_| closed())
 }
 
 /// A person at the terminal who answers with Enter, or with `n` for no.
@@ -209,11 +249,27 @@ impl Operator {
         Ok(Self { lines: Mutex::new(lines) })
     }
 
+    /// Forgets the lines so far: a line that was typed before a question does not answer it. The caller shows the question after
+    /// this, so that no line that answers it is lost.
+    pub(crate) async fn forget(&self) {
+        let mut lines = self.lines.lock().await;
+        while lines.try_recv().is_ok() {}
+    }
+
+    /// Waits for a line that answers a question of the plan.
+    pub(crate) async fn reply(&self, ask: &Ask) -> Result<Reply, FixtureError> {
+        let mut lines = self.lines.lock().await;
+        let line = lines.recv().await.ok_or_else(|| FixtureError::TerminalClosed { what: ask.action() })?;
+        Ok(match line.trim() {
+            BACK => Reply::Back,
+            "n" | "N" if !ask.wants_text() => Reply::NotPossible,
+            _ => Reply::Text(line),
+        })
+    }
+
     /// Waits for an empty line or a no. Any other line, such as a scan, asks again.
     async fn wait(&self, ask: &Ask, recorder: &Recorder<'_>) -> Result<String, FixtureError> {
         let mut lines = self.lines.lock().await;
-        // A line that was typed before the question does not answer it.
-        while lines.try_recv().is_ok() {}
         loop {
             let Some(line) = lines.recv().await else {
                 return Err(FixtureError::TerminalClosed { what: ask.action() });

@@ -9,6 +9,7 @@ pub mod fixture;
 pub mod guidance;
 pub mod journal;
 mod procedure;
+pub mod questions;
 mod recorder;
 pub mod runner;
 pub mod service;

@@ -15,6 +15,7 @@ mod imu;
 mod io;
 mod memory;
 mod power_cycle;
+mod prompt;
 mod sampling;
 mod sci;
 mod spi;
@@ -34,6 +35,7 @@ use gnc_records::resume::Resumed;
 
 use crate::fixture::Fixture;
 use crate::guidance::Guide;
+use crate::questions::Answers;
 use crate::recorder::Recorder;
 
 pub(crate) use error::ProcedureError;
@@ -47,6 +49,8 @@ pub(crate) struct ProcedureContext<'a> {
     pub board: &'a BoardLease<'a>,
     /// Turns the module and flips switches.
     pub fixture: &'a Fixture,
+    /// Who answers the questions of the plan.
+    pub answers: &'a Answers,
     /// Where the bench stands, if its file says so.
     pub site: Option<&'a BenchSite>,
     /// The bench's CAN bus, unless the conversation with the board uses it.
@@ -103,6 +107,7 @@ pub(crate) async fn run(
         ItemId::Sci => sci::run(bench, params, recorder).await,
         ItemId::Can => can::run(bench, recorder).await,
         ItemId::PowerCycle => power_cycle::run(bench, params, recorder).await,
+        ItemId::Prompt => prompt::run(bench, recorder).await,
         ItemId::CalibrationDownload => download::run(bench, params, recorder).await,
         ItemId::SixPosition
         | ItemId::GyroStill

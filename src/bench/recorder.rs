@@ -1,13 +1,14 @@
 //! Files what a procedure measures: the plan judges each value, and the journal takes it at once.
 
 use std::cell::RefCell;
+use std::sync::Arc;
 
 use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::Findings;
 use gnc_executive::catalogue::{ItemId, MeasurementSpec};
 use gnc_executive::event::{EventKind, NoteLevel, Power};
 use gnc_executive::measurement::Value;
-use gnc_executive::plan::PlanItem;
+use gnc_executive::plan::{PlanItem, Question};
 use gnc_executive::quantity::Unit;
 use gnc_records::store::captures::CapturesError;
 use gnc_records::store::{RawFile, StoreError, captures};
@@ -189,7 +190,7 @@ impl<'a> Recorder<'a> {
     /// The record could not be written.
     pub(crate) async fn prompted(&self, what: &str) -> Result<(), StoreError> {
         let item = Some(self.item.name.clone());
-        self.journal.emit(EventKind::Prompted { item, text: what.to_owned() }).await
+        self.journal.emit(EventKind::Prompted { item, text: what.to_owned(), question: None }).await
     }
 
     /// Files the answer.
@@ -198,7 +199,48 @@ impl<'a> Recorder<'a> {
     /// The record could not be written.
     pub(crate) async fn answered(&self, answer: &str) -> Result<(), StoreError> {
         let item = Some(self.item.name.clone());
-        self.journal.emit(EventKind::Answered { item, answer: answer.to_owned() }).await
+        self.journal.emit(EventKind::Answered { item, answer: answer.to_owned(), question: None }).await
+    }
+
+    /// The questions of the item.
+    pub(crate) fn questions(&self) -> &'a [Arc<Question>] {
+        &self.item.questions
+    }
+
+    /// The limit of a measurement, for people.
+    pub(crate) fn limit(&self, measurement: &str) -> Option<String> {
+        self.item.limit(measurement).map(ToString::to_string)
+    }
+
+    /// The person who tests.
+    pub(crate) fn operator(&self) -> Option<String> {
+        self.journal.look(|state| state.header().and_then(|header| header.operator.clone()))
+    }
+
+    /// Files that a question of the plan is asked.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub(crate) async fn asked(&self, question: &Question, text: &str) -> Result<(), StoreError> {
+        let (item, question) = (Some(self.item.name.clone()), Some(question.name.clone()));
+        self.journal.emit(EventKind::Prompted { item, text: text.to_owned(), question }).await
+    }
+
+    /// Files what was answered to a question of the plan.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub(crate) async fn told(&self, question: &Question, answer: &str) -> Result<(), StoreError> {
+        let (item, question) = (Some(self.item.name.clone()), Some(question.name.clone()));
+        self.journal.emit(EventKind::Answered { item, answer: answer.to_owned(), question }).await
+    }
+
+    /// Files the answer that counts.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub(crate) async fn answer(&self, question: &str, value: &Value) -> Result<(), StoreError> {
+        self.file(question, value).await
     }
 
     async fn file(&self, name: &str, value: &Value) -> Result<(), StoreError> {

@@ -6,6 +6,8 @@ mod breaches;
 mod connection;
 mod error_records;
 
+mod limits;
+
 pub mod looking;
 mod recovery;
 
@@ -21,7 +23,7 @@ use futures_util::stream::{FuturesUnordered, StreamExt as _};
 use gnc_board::{Advance, BoardClient, BoardError, BoardLease, Readings};
 use gnc_executive::bench::BenchSite;
 use gnc_executive::event::{AttemptError, EventKind, NoteLevel, RunHeader, StopHow};
-use gnc_executive::job::{Job, Next};
+use gnc_executive::job::{BoardAbilities, Job, Next};
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::plan::PlanItem;
 use gnc_executive::state::RunState;
@@ -41,6 +43,7 @@ use crate::fixture::Fixture;
 use crate::guidance::Guidance;
 use crate::journal::RunJournal;
 use crate::procedure::{Heat, ModuleSeen, ProcedureError};
+use crate::questions::Answers;
 use crate::turntable;
 use connection::{ConnectError, connect};
 use recovery::{session_lives, spoilt};
@@ -66,6 +69,8 @@ pub(crate) struct RunOrder {
     pub can: Option<CanTarget>,
     /// Turns the module and flips switches.
     pub fixture: Fixture,
+    /// Who answers the questions of the plan.
+    pub answers: Answers,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
     /// The earlier run that is taken up again.
@@ -120,6 +125,9 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
         order,
         journal: &journal,
         on_board: OnceCell::new(),
+        board_can: Cell::new(None),
+        by_part: OnceCell::new(),
+        is_other_part: Cell::new(false),
         control,
         live,
         sessions: Cell::new(0),
@@ -132,7 +140,7 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
         records_refused: Cell::new(false),
         busy: RefCell::new(HashMap::new()),
         paused_since: Cell::new(None),
-        module: ModuleSeen::scanned(&order.header.serial_number),
+        module: ModuleSeen::asked(&order.header.serial_number, order.header.part.as_ref()),
         heat: Heat::new(order.job.plan().resume),
     };
     let ended = run.whole().await;
@@ -156,6 +164,12 @@ struct Run<'a> {
     journal: &'a RunJournal,
     /// The job on the board that answered first.
     on_board: OnceCell<Job>,
+    /// What that board can do.
+    board_can: Cell<Option<BoardAbilities>>,
+    /// That job by the limits for the module's part number, if the plan has such.
+    by_part: OnceCell<Job>,
+    /// Whether the module is not the part that was asked for.
+    is_other_part: Cell<bool>,
     control: &'a RunControl,
     live: &'a Live,
     /// Number of sessions that were begun with the board.
@@ -207,9 +221,9 @@ struct Landed {
 type Flight<'a> = FuturesUnordered<LocalBoxFuture<'a, Landed>>;
 
 impl Run<'_> {
-    /// The plan on this bench, and on the board as soon as it has answered.
+    /// The plan on this bench, on the board as soon as it has answered, and by the limits for the module as soon as they are known.
     fn job(&self) -> &Job {
-        self.on_board.get().unwrap_or(&self.order.job)
+        self.by_part.get().or(self.on_board.get()).unwrap_or(&self.order.job)
     }
 
     async fn whole(&self) -> Result<Verdict, StoreError> {
@@ -239,7 +253,7 @@ impl Run<'_> {
             // Items that were not run are no reason to doubt.
             verdict = Verdict::new(Outcome::Failed, self.order.job.selection().is_some());
         }
-        if self.is_other_module() && verdict.of_items() != Outcome::Aborted {
+        if (self.is_other_module() || self.is_other_part.get()) && verdict.of_items() != Outcome::Aborted {
             verdict = Verdict::new(Outcome::Errored, self.order.job.selection().is_some());
         }
         // The digests cover complete files only.
@@ -321,6 +335,11 @@ impl Run<'_> {
             if self.is_other_module() {
                 self.end_open_items().await?;
                 let text = "the module is not the one that was scanned, so the rest of the plan is not run";
+                return self.note(NoteLevel::Error, text.into(), None).await;
+            }
+            if self.is_other_part.get() {
+                self.end_open_items().await?;
+                let text = "the module is not the part that was asked for, so the rest of the plan is not run";
                 return self.note(NoteLevel::Error, text.into(), None).await;
             }
             if self.link_lost.get() {
@@ -423,8 +442,11 @@ impl Run<'_> {
                 self.end_attempt(&landed, Outcome::Errored, Some(error)).await
             }
             End::Done(ref done) => {
-                if let Err(ProcedureError::OtherModule(other)) = done {
-                    self.journal.emit(EventKind::OtherModule(other.clone())).await?;
+                if let Err(error) = done {
+                    self.file_other_module(error).await?;
+                }
+                if let Err(ProcedureError::OtherPart { .. }) = done {
+                    self.is_other_part.set(true);
                 }
                 self.file_error_records(board, &landed).await?;
                 let Some(item) = self.job().item(landed.position) else { return Ok(()) };
@@ -437,6 +459,18 @@ impl Run<'_> {
                 self.end_attempt(&landed, outcome, error).await
             }
         }
+    }
+
+    /// Files that another module than was scanned is in the socket, once: the run is then of neither.
+    async fn file_other_module(&self, error: &ProcedureError) -> Result<(), StoreError> {
+        let (ProcedureError::OtherModule(other) | ProcedureError::ModuleChanged { other: Some(other), .. }) = error
+        else {
+            return Ok(());
+        };
+        if self.journal.look(|state| state.other_module().is_some()) {
+            return Ok(());
+        }
+        self.journal.emit(EventKind::OtherModule(other.clone())).await
     }
 
     /// Why a failed attempt says nothing of the module: it lost its power, or the times of its samples do not fit the

@@ -16,23 +16,27 @@ use gnc_config::Mistakes;
 use gnc_executive::bench::BenchSite;
 use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader, events_form};
 use gnc_executive::job::{BenchAbilities, Job};
+use gnc_executive::numbers::{self, NumberError, NumberField};
 use gnc_executive::outcome::Outcome;
-use gnc_executive::plan::OnFail;
+use gnc_executive::part::PartName;
+use gnc_executive::plan::{OnFail, Plan};
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::{PlanAsked, Question, Standing};
 use gnc_executive::verdict::Verdict;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::resume::{Like, ResumeError, Resumed};
+use gnc_records::reuse::{self, Reused};
 use gnc_records::standing;
 use gnc_records::store::reader;
-use gnc_records::store::{RecordWriter, RunFolder, StationKey, StoreError, Watcher, seal_interrupted};
+use gnc_records::store::{RecordWriter, RunFolder, Sealer, StationKey, StoreError, Watcher, seal_interrupted};
 use tokio::time::Instant;
 
 use crate::clock::{self, ClockError};
 use crate::control::RunControl;
 use crate::fixture::Fixture;
 use crate::journal::RunJournal;
+use crate::questions::Answers;
 use crate::runner::{self, Ending, Live, RunOrder};
 
 pub use plan::CheckedPlan;
@@ -60,6 +64,8 @@ pub struct Equipment {
     pub site: Option<BenchSite>,
     /// What the serial number of each module must match on this bench.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Numbers beside it that each run on this bench is asked for.
+    pub numbers: Vec<NumberField>,
     /// Whether a person says that the clock is right, whatever speaks against it.
     pub clock_is_right: bool,
 }
@@ -71,12 +77,18 @@ pub struct RunRequest {
     pub plan: CheckedPlan,
     /// The module's serial number.
     pub serial_number: String,
+    /// The part that the module must be; it is compared with what the module says.
+    pub part: Option<PartName>,
+    /// Numbers of orders, sub-units and others: their keys in plan or bench file, and the numbers.
+    pub numbers: Vec<(String, String)>,
     /// The person who tests.
     pub operator: Option<String>,
     /// Names of the chosen items; `None` for the whole plan.
     pub selection: Option<Vec<String>>,
     /// The program that makes the request.
     pub program: ProgramVersion,
+    /// Who answers the questions of the plan.
+    pub answers: Answers,
     /// What the run does after a bad item, in place of the plan's own setting. [`OnFail::Stop`] also ends the rounds.
     pub on_fail: Option<OnFail>,
     /// How often the plan is run.
@@ -151,6 +163,9 @@ pub enum ServiceError {
         /// "plan" or "bench".
         of: &'static str,
     },
+    /// A number of an order, a sub-unit or another one is none of this bench or this plan.
+    #[error(transparent)]
+    Number(#[from] NumberError),
     /// The earlier run cannot be taken up.
     #[error(transparent)]
     Resume(#[from] ResumeError),
@@ -178,7 +193,14 @@ pub enum ServiceError {
 impl ServiceError {
     /// What the operator can try; may be empty.
     #[must_use]
-    pub fn try_this(&self) -> &'static str {
+    pub fn try_this(&self) -> String {
+        if let Self::Number(error) = self {
+            return error.try_this();
+        }
+        self.usual_hint().to_owned()
+    }
+
+    fn usual_hint(&self) -> &'static str {
         match self {
             Self::Resume(error) => error.try_this(),
             Self::Clock(error) => error.try_this(),
@@ -190,7 +212,7 @@ impl ServiceError {
             Self::SerialNumber { .. } => {
                 "scan the module's label again; if it is right, correct serial_number of the plan or bench"
             }
-            Self::Unfit(_) | Self::Observer(_) => "",
+            Self::Unfit(_) | Self::Observer(_) | Self::Number(_) => "",
         }
     }
 }
@@ -251,6 +273,13 @@ pub async fn run(
     Ok(RunsDone { verdicts, refused: None })
 }
 
+/// What the log says of a sub-unit that is built into another module.
+fn in_words(reused: &Reused) -> String {
+    let Reused { number, serial_number, run } = reused;
+    let serial_number = gnc_text::printable(serial_number);
+    format!("{number} is in module {serial_number} too, which passed with it ({run}): compare the labels")
+}
+
 /// The parts that stay the same from round to round.
 struct Ready {
     order: RunOrder,
@@ -272,6 +301,7 @@ impl Ready {
             fixture,
             site,
             serial_number,
+            numbers: asked,
             clock_is_right,
         } = equipment;
         for (of, pattern) in [("bench", &serial_number), ("plan", &request.plan.plan().serial_number)] {
@@ -280,6 +310,7 @@ impl Ready {
                 return Err(ServiceError::SerialNumber { serial_number, pattern, of });
             }
         }
+        let numbers = numbers::check(&asked, &request.plan.plan().numbers, &request.numbers)?;
         let mut plan = request.plan.plan().clone();
         if let Some(on_fail) = request.on_fail {
             plan.on_fail = on_fail;
@@ -293,6 +324,8 @@ impl Ready {
         let mut header = RunHeader {
             schema: events_form(request.selection.as_deref()).to_owned(),
             serial_number: request.serial_number.clone(),
+            part: request.part.clone(),
+            numbers,
             operator: request.operator.clone(),
             station,
             program: request.program.clone(),
@@ -313,8 +346,12 @@ impl Ready {
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, Like::header(&header))).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
-        let found = seal_interrupted(&records, key.as_ref());
-        let order = RunOrder { job, header, target, can, fixture, site, resumed, one_by_one, nonce, found };
+        let at = request.began.unwrap_or_else(clock::now);
+        let sealer = Sealer { station: &header.station, program: &header.program, at, key: key.as_ref() };
+        let mut found = seal_interrupted(&records, &sealer);
+        found.extend(reuse::of(&records, &header).iter().map(in_words));
+        let answers = request.answers.clone();
+        let order = RunOrder { job, header, target, can, fixture, answers, site, resumed, one_by_one, nonce, found };
         Ok(Self { order, records, key, clock_is_right })
     }
 
@@ -348,16 +385,30 @@ impl Ready {
         }
         // Create the folder before power-on, so that a module is not tested without a place for its record.
         let folder = RunFolder::create(records, at, &order.header.serial_number, &plan.name)?.signed_with(key.clone());
-        let watchers = vec![observer.begin(&folder).map_err(ServiceError::Observer)?];
         let record = folder.clone();
-        let journal = match dated {
-            Some(began) => RunJournal::dated(RecordWriter::without_thread(folder, plan, watchers)?, began),
-            None => RunJournal::new(RecordWriter::start(folder, plan, watchers)?),
-        };
+        let begun = begin(folder, plan, dated, observer);
+        if begun.is_err() {
+            record.withdraw();
+        }
+        let journal = begun?;
         let ending = runner::run(order, journal, control, live).await;
         // Only the log of the first round mentions what was found before it.
         order.found.clear();
         observer.end(record.path(), &ending).await;
         Ok(ending)
     }
+}
+
+/// Opens the record of a round, which the face then hears.
+fn begin(
+    folder: RunFolder,
+    plan: &Plan,
+    dated: Option<DateTime<FixedOffset>>,
+    observer: &mut impl Observer,
+) -> Result<RunJournal, ServiceError> {
+    let watchers = vec![observer.begin(&folder).map_err(ServiceError::Observer)?];
+    Ok(match dated {
+        Some(began) => RunJournal::dated(RecordWriter::without_thread(folder, plan, watchers)?, began),
+        None => RunJournal::new(RecordWriter::start(folder, plan, watchers)?),
+    })
 }

@@ -20,6 +20,10 @@
 //! [shift]                            # optional: without it a shift begins at midnight
 //! begins = ["06:00", "14:00", "22:00"]
 //!
+//! [numbers.order]                    # optional: a number that is asked for beside the serial number, see `numbers.rs`
+//! kind = "order"
+//! pattern = "PO-[0-9]{4}"
+//!
 //! [site]                             # optional
 //! name = "hall 3"
 //! latitude = "39.9042 deg"           # surveyed place of the antenna
@@ -56,6 +60,7 @@ use serde::{Deserialize, Serialize};
 pub use habits::{Hook, OperatorHabit, VerdictHabit};
 pub use imperfections::BenchImperfections;
 
+use crate::numbers::{self, NumberField};
 use crate::quantity::{Dimension, Unit, bounded_at, quantity_at};
 use crate::serial_number::{self, SerialNumberPattern};
 
@@ -90,6 +95,8 @@ pub struct BenchFile {
     pub shifts: Vec<NaiveTime>,
     /// What the serial number of each module must match.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Numbers beside the serial number that every run is asked for.
+    pub numbers: Vec<NumberField>,
     /// Where the bench stands.
     pub site: Option<BenchSite>,
     /// How the station reaches the board; `None` on a bench that only simulates.
@@ -197,6 +204,7 @@ impl BenchFile {
             let operator = root.within("operator", habits::operator).unwrap_or_default();
             let verdict = root.within("verdict", habits::verdict).unwrap_or_default();
             let shifts = root.within("shift", habits::shifts).unwrap_or_default();
+            let numbers = numbers::read(root);
             let Station { id: station_id, records, key, plan, serial_number } = station;
             BenchFile {
                 station_id,
@@ -207,6 +215,7 @@ impl BenchFile {
                 verdict,
                 shifts,
                 serial_number,
+                numbers,
                 site,
                 socket,
                 can,
@@ -229,7 +238,7 @@ struct Station {
 fn station(table: &TomlTable<'_, '_>) -> Station {
     let id = checked(table, table.required_text("id", "write id = \"line-2\" below [station]"));
     let name = |key| checked(table, table.text(key));
-    let serial_number = serial_number::pattern(table);
+    let serial_number = serial_number::pattern(table, "serial_number", "SN-[0-9]{4}");
     Station {
         id: id.unwrap_or_default(),
         records: name("records"),

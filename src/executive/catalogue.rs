@@ -15,6 +15,7 @@ pub mod performance;
 pub mod ports;
 pub mod power;
 pub mod processor;
+mod prompt;
 pub mod repeated;
 pub mod sensors;
 mod shared;
@@ -103,6 +104,8 @@ items! {
     /// The board switches the supply off and on: the module must start each time, as fast as before and with the same
     /// current.
     PowerCycle = "power-cycle": power::POWER_CYCLE,
+    /// Questions of the plan's own to the operator: a number, a text, a choice, or that something is done.
+    Prompt = "prompt": prompt::PROMPT,
     /// Accelerometer calibration from six, twelve or twenty-four positions.
     SixPosition = "six-position": calibration::SIX_POSITION,
     /// Gyroscope bias and g-sensitivity from still positions.

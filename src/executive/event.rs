@@ -14,7 +14,9 @@ use crate::bench::BenchSite;
 use crate::catalogue::ItemId;
 use crate::details::Details;
 use crate::measurement::Measurement;
+use crate::numbers::GivenNumber;
 use crate::outcome::{Cause, Outcome};
+use crate::part::{LimitsChosen, PartName};
 use crate::plan::Phase;
 use crate::verdict::Verdict;
 
@@ -58,7 +60,7 @@ pub struct Event {
 /// 3. for each skipped item `item_ended` alone, with its cause;
 /// 4. `run_ended`, once and last. An item without `item_ended` was not run.
 ///
-/// `board_found`, `board_rebooted`, `board_breach`, `other_module`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere between
+/// `board_found`, `board_rebooted`, `board_breach`, `other_module`, `limits_chosen`, `power`, `prompted`, `answered`, `note` and `stop_requested` come anywhere between
 /// the first event and the last. A journal that was cut off has no `run_ended`: the run was interrupted.
 ///
 /// Progress is not an event: progress may be skipped, and events never are.
@@ -86,6 +88,8 @@ pub enum EventKind {
     BoardBreach(BoardBreach),
     /// The module in the socket is not the one that was scanned. Nothing is said of either.
     OtherModule(OtherModule),
+    /// The plan has limits by part number, and the station has chosen those for the module: at most once, before the first item.
+    LimitsChosen(LimitsChosen),
     /// The module's supply was switched.
     Power(Power),
     /// An attempt of an item begins.
@@ -148,6 +152,9 @@ pub enum EventKind {
         item: Option<String>,
         /// What to do.
         text: String,
+        /// Name of the plan's question, if it is one; of the last one if all answers are looked over.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        question: Option<String>,
     },
     /// The prompt was answered.
     Answered {
@@ -155,6 +162,9 @@ pub enum EventKind {
         item: Option<String>,
         /// The answer; empty for a simple "done".
         answer: String,
+        /// Name of the plan's question, if it is one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        question: Option<String>,
     },
     /// Useful information that is not a verdict.
     Note {
@@ -183,6 +193,12 @@ pub struct RunHeader {
     pub schema: String,
     /// The scanned serial number, as scanned: it may hold anything.
     pub serial_number: String,
+    /// The part number that was asked for, with its revision if one was; absent if none was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<PartName>,
+    /// Numbers of orders, sub-units and others, as plan or bench asked for them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub numbers: Vec<GivenNumber>,
     /// Who tests.
     pub operator: Option<String>,
     /// Which station.
@@ -463,12 +479,13 @@ pub enum StopHow {
 
 impl EventKind {
     /// The names of all kinds in journals.
-    pub(crate) const NAMES: [&str; 17] = [
+    pub(crate) const NAMES: [&str; 18] = [
         "run_started",
         "board_found",
         "board_rebooted",
         "board_breach",
         "other_module",
+        "limits_chosen",
         "power",
         "item_started",
         "measured",
@@ -491,6 +508,7 @@ impl EventKind {
             EventKind::BoardRebooted { .. } => "board_rebooted",
             EventKind::BoardBreach(_) => "board_breach",
             EventKind::OtherModule(_) => "other_module",
+            EventKind::LimitsChosen(_) => "limits_chosen",
             EventKind::Power(_) => "power",
             EventKind::ItemStarted { .. } => "item_started",
             EventKind::Measured { .. } => "measured",

@@ -190,6 +190,12 @@ impl Job {
         refused.map_or(Ok(job), Err)
     }
 
+    /// The same job by other limits: the plan has the same items.
+    #[must_use]
+    pub fn judged_by(&self, plan: Plan) -> Job {
+        Job { plan, ..self.clone() }
+    }
+
     /// The plan.
     pub fn plan(&self) -> &Plan {
         &self.plan

@@ -13,6 +13,7 @@ use gnc_text::{printable, quoted};
 use crate::number;
 use crate::outcome::Outcome;
 use crate::quantity::{Dimension, Quantity, QuantityError, Unit, number_and_unit, with_unit};
+use crate::serial_number::SerialNumberPattern;
 
 /// The placeholder in a limit for the serial number that was scanned for this run.
 pub(crate) const SERIAL_NUMBER: &str = "$serial_number";
@@ -33,6 +34,10 @@ pub enum Limit {
     Range(Range),
     /// A text equal to another.
     Text(Expected),
+    /// One of several texts; only questions have such a limit.
+    OneOf(Vec<String>),
+    /// A text that matches a pattern; only questions have such a limit.
+    Matches(SerialNumberPattern),
 }
 
 /// Bounds of a number, all in `unit`. The bounds belong to the range, and at least one exists.
@@ -157,8 +162,20 @@ impl fmt::Display for Limit {
         match self {
             Limit::Range(range) => f.write_str(&bounds(range.low, range.high, range.unit)),
             Limit::Text(expected) => write!(f, "== {}", printable(expected.resolve(SERIAL_NUMBER))),
+            Limit::OneOf(texts) => f.write_str(&one_of(texts)),
+            Limit::Matches(pattern) => f.write_str(&matches(&pattern.to_string())),
         }
     }
+}
+
+/// Good texts for people of every language: "== clean", "== clean | worn".
+pub(crate) fn one_of(texts: &[String]) -> String {
+    format!("== {}", printable(&texts.join(" | ")))
+}
+
+/// A pattern for people: "=~ GPS-[0-9]{5}".
+pub(crate) fn matches(pattern: &str) -> String {
+    format!("=~ {}", printable(pattern))
 }
 
 /// Bounds for people: ">= 4.75 V", "0.4655 .. 0.5145 A"; empty without bounds.

@@ -92,6 +92,12 @@ pub struct Measurement {
     pub decision: Option<Decision>,
     /// The text that it must equal.
     pub expected: Option<String>,
+    /// The texts of which it must be one; absent if it is not one of several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub one_of: Vec<String>,
+    /// The regular expression that all of it must match; absent if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
     /// Null for information: a measurement without a limit is never a pass.
     pub outcome: Option<Outcome>,
 }
@@ -139,6 +145,8 @@ impl Measurement {
             uncertainty: None,
             decision: None,
             expected: None,
+            one_of: Vec::new(),
+            pattern: None,
             outcome: limit.map(|_| Outcome::Errored),
         };
         let mut unit = shown;
@@ -150,6 +158,8 @@ impl Measurement {
                 measurement.unit = shown_unit(unit);
             }
             Some(Limit::Text(expected)) => measurement.expected = Some(expected.resolve(serial_number).to_owned()),
+            Some(Limit::OneOf(texts)) => measurement.one_of.clone_from(texts),
+            Some(Limit::Matches(pattern)) => measurement.pattern = Some(pattern.to_string()),
             None => {}
         }
         match value {
@@ -157,8 +167,14 @@ impl Measurement {
             Value::Estimate(quantity, known) => measurement.number(*quantity, Some(known), unit, limit, decision),
             Value::Text(text) => {
                 measurement.value = Reading::Text(text.clone());
-                if let Some(expected) = &measurement.expected {
-                    measurement.outcome = Some(if text == expected { Outcome::Passed } else { Outcome::Failed });
+                let good = match limit {
+                    Some(Limit::Text(expected)) => Some(text == expected.resolve(serial_number)),
+                    Some(Limit::OneOf(texts)) => Some(texts.contains(text)),
+                    Some(Limit::Matches(pattern)) => Some(pattern.fits(text)),
+                    Some(Limit::Range(_)) | None => None,
+                };
+                if let Some(good) = good {
+                    measurement.outcome = Some(if good { Outcome::Passed } else { Outcome::Failed });
                 }
             }
             Value::NotAvailable(why) => measurement.raw = Some(why.clone()),
@@ -234,9 +250,11 @@ impl Measurement {
 
     /// The limit for people: "499 .. 501 us", "== DEMO-1"; empty for information.
     pub fn limit_text(&self) -> String {
-        match &self.expected {
-            Some(expected) => format!("== {}", printable(expected)),
-            None => limit::bounds(self.low, self.high, self.unit.unwrap_or(Unit::Count)),
+        match (&self.expected, &self.pattern) {
+            (Some(expected), _) => format!("== {}", printable(expected)),
+            (None, Some(pattern)) => limit::matches(pattern),
+            (None, None) if !self.one_of.is_empty() => limit::one_of(&self.one_of),
+            (None, None) => limit::bounds(self.low, self.high, self.unit.unwrap_or(Unit::Count)),
         }
     }
 }

@@ -13,6 +13,12 @@
 //! requires_plan = ["incoming"]       # plans that the module must have passed before this one
 //! valid_days = 30                    # days for which a pass counts, of this plan and of those that it requires
 //!
+//! requires_part = false              # true: only modules whose part number has a table below
+//!
+//! [numbers.order]                    # a number that is asked for beside the serial number, see `numbers.rs`
+//! kind = "order"
+//! pattern = "PO-[0-9]{4}"
+//!
 //! [resume]                           # of a run that takes over captures: it waits for the module's temperature
 //! wait = "30 min"                    # at most so long in all
 //! within = "0.5 degC"                # of what those captures had at their end
@@ -34,6 +40,23 @@
 //! gyro_x = "0 +- 2 deg/s"
 //! "accel_*_noise" = "<= 5 mg"        # * stands for any letters
 //! accel_norm = { limit = "1 g +- 5 %", marginal = "1 mg" }
+//!
+//! [part.GNC-POP-26B.limits]          # for modules that say this part number, in place of the items' own
+//! imu.gyro_x = "0 +- 1 deg/s"
+//! [part.GNC-POP-26B.revision.C.limits]   # for this hardware revision of it, in place of both
+//! imu.gyro_x = "0 +- 1.5 deg/s"
+//!
+//! [[item]]
+//! id = "prompt"                      # asks the operator
+//! [[item.ask]]
+//! name = "tp4"                       # required, unique in the plan; the measurement that the answer is
+//! en = "What does the meter read?"   # required; zh and ru beside it
+//! kind = "number"                    # required; or "text", "choice", "done"
+//! unit = "V"                         # of a number without a unit
+//! pattern = "GPS-[0-9]{5}"           # of a text
+//! choices = ["clean", "scratched"]   # of a choice
+//! good = ["clean"]                   # the choices that pass
+//! picture = "tp4.png"                # path beside this file
 //! ```
 //!
 //! If several limits fit one measurement, an exact name counts more than a pattern, and a later pattern more than an
@@ -43,23 +66,30 @@ mod closure;
 mod item;
 mod limits;
 mod params;
+mod part;
+mod question;
 mod resume;
 mod schema;
 
+use std::borrow::Cow;
 use std::fmt;
+use std::sync::Arc;
 
 use gnc_config::{Mistake, Mistakes, SourceText};
 use serde::{Deserialize, Serialize};
 
-use crate::catalogue::{Device, ItemId, MeasurementSpec};
+use crate::catalogue::{Device, ItemId};
 use crate::limit::Limit;
 use crate::measurement::{Measurement, Value};
+use crate::numbers::NumberField;
 use crate::outcome::Outcome;
+use crate::part::{LimitsChosen, PartName};
 use crate::quantity::Unit;
 use crate::serial_number::SerialNumberPattern;
 use crate::uncertainty::Decision;
 
 pub use params::{ParamError, ParamValue, Params};
+pub use question::{AnswerError, DONE, Question, QuestionKind, QuestionWords};
 pub use resume::ResumeRules;
 pub use schema::plan_schema;
 
@@ -104,8 +134,28 @@ pub struct Plan {
     pub resume: ResumeRules,
     /// What the serial number of a module must match.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Whether only modules are tested whose part number has a table.
+    pub requires_part: bool,
+    /// Numbers beside the serial number that every run is asked for.
+    pub numbers: Vec<NumberField>,
     items: Vec<PlanItem>,
+    parts: Vec<part::PartLimits>,
     sources: Vec<SourceText>,
+}
+
+/// A plan requires a part that it names, and the module is none.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the plan has no limits for part {module}, and requires such")]
+pub struct PartNotNamed {
+    /// The module.
+    pub module: PartName,
+}
+
+impl PartNotNamed {
+    /// What people can try.
+    pub fn try_this(&self) -> &'static str {
+        "use the plan for this part, or write a table [part.NAME] for it into this plan"
+    }
 }
 
 /// What happens after an item that is not good.
@@ -158,24 +208,19 @@ pub struct PlanItem {
     pub prompt: Option<String>,
     /// Every parameter of the catalogue, with its default if the plan gives no value.
     pub params: Params,
+    /// What a person is asked, in this order; only an item `prompt` has questions.
+    pub questions: Vec<Arc<Question>>,
     limits: Vec<ItemLimit>,
     place: ItemPlace,
 }
 
 /// The limit of one measurement.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ItemLimit {
-    /// The measurement in the catalogue.
-    pub measurement: &'static MeasurementSpec,
+    /// Name of the measurement: in the catalogue, or of a question.
+    pub measurement: Cow<'static, str>,
     /// Its limit.
     pub limit: Limit,
-}
-
-impl PartialEq for ItemLimit {
-    /// Names are unique within an item, so the name stands for the measurement.
-    fn eq(&self, other: &Self) -> bool {
-        self.measurement.name == other.measurement.name && self.limit == other.limit
-    }
 }
 
 /// The place of an item: file and bytes of its id.
@@ -214,6 +259,66 @@ impl Plan {
         self.sources.iter().map(|source| (source.name.as_str(), source.text.as_bytes()))
     }
 
+    /// Whether limits depend on the part number of the module.
+    pub fn has_parts(&self) -> bool {
+        !self.parts.is_empty()
+    }
+
+    /// Whether limits depend on the revision of this part too.
+    pub fn has_revisions_of(&self, part: &PartName) -> bool {
+        let number = part.key().number;
+        self.parts.iter().any(|table| table.name.revision.is_some() && table.name.key().number == number)
+    }
+
+    /// The parts and revisions that have limits of their own, as the plan writes them.
+    pub fn parts(&self) -> impl Iterator<Item = &PartName> {
+        self.parts.iter().map(|table| &table.name)
+    }
+
+    /// Chooses the limits for a module: those of its revision, else of its part, else the plan's own.
+    ///
+    /// # Errors
+    /// [`PartNotNamed`].
+    pub fn choose_limits(&self, module: &PartName) -> Result<LimitsChosen, PartNotNamed> {
+        let own = module.revision.as_ref().and_then(|_| self.table(module));
+        let table = own.or_else(|| self.table(&PartName { revision: None, ..module.clone() }));
+        // A part of which only other revisions have limits is named too, but not this revision of it.
+        let table = table.filter(|table| !self.is_only_a_head(table));
+        if table.is_none() && self.requires_part {
+            return Err(PartNotNamed { module: module.clone() });
+        }
+        Ok(LimitsChosen { part: table.map(|table| table.name.clone()), module: module.clone() })
+    }
+
+    /// The plan with the limits of a part and its revision in place of its own; `None` if it has no such table.
+    pub fn with_limits_of(&self, part: &PartName) -> Option<Plan> {
+        let own = self.table(part)?;
+        let of_part = part.revision.as_ref().and_then(|_| self.table(&PartName { revision: None, ..part.clone() }));
+        let mut plan = self.clone();
+        for (position, limits) in of_part.into_iter().chain([own]).flat_map(|table| &table.items) {
+            let Some(item) = plan.items.get_mut(*position) else { continue };
+            limits.iter().for_each(|limit| part::put(&mut item.limits, limit.clone()));
+            // In the order of the catalogue or of the questions, as items have them.
+            let (spec, questions) = (item.id.spec(), &item.questions);
+            let place = |limit: &ItemLimit| {
+                let in_catalogue = spec.measurements.iter().position(|one| one.name == limit.measurement);
+                in_catalogue.or_else(|| questions.iter().position(|one| one.name == limit.measurement))
+            };
+            item.limits.sort_by_key(place);
+        }
+        Some(plan)
+    }
+
+    fn table(&self, part: &PartName) -> Option<&part::PartLimits> {
+        let key = part.key();
+        self.parts.iter().find(|table| table.name.key() == key)
+    }
+
+    /// Whether a part has no limits and is written for its revisions only.
+    fn is_only_a_head(&self, table: &part::PartLimits) -> bool {
+        table.name.revision.is_none() && table.items.is_empty() && self.has_revisions_of(&table.name)
+    }
+
     /// Checks what only the code that carries an item out knows: `look` returns what is wrong with the item, and what
     /// to try.
     ///
@@ -250,16 +355,30 @@ impl PlanItem {
         self.id.spec().devices.iter().copied().chain(asks.then_some(Device::Operator))
     }
 
+    /// All limits, in the order of the catalogue.
+    pub fn limits(&self) -> impl Iterator<Item = (&str, &Limit)> {
+        self.limits.iter().map(|limit| (&*limit.measurement, &limit.limit))
+    }
+
     /// The limit of a measurement.
     pub fn limit(&self, measurement: &str) -> Option<&Limit> {
-        self.limits.iter().find(|limit| limit.measurement.name == measurement).map(|limit| &limit.limit)
+        self.limits.iter().find(|limit| limit.measurement == measurement).map(|limit| &limit.limit)
+    }
+
+    /// The unit in which a measurement is shown if no limit chooses one.
+    fn unit_of(&self, measurement: &str) -> Unit {
+        let asked = self.questions.iter().find(|question| question.name == measurement);
+        match asked.map(|question| &question.kind) {
+            Some(QuestionKind::Number { unit }) => *unit,
+            _ => self.id.spec().measurement(measurement).map_or(Unit::Count, |spec| spec.unit),
+        }
     }
 
     /// Judges a measured value. A measurement that is not in the catalogue has no limit and is information.
     ///
     /// `repeat` counts the rounds within an attempt from 1; it is recorded only if the plan repeats.
     pub fn judge(&self, name: &str, value: &Value, repeat: u32, serial_number: &str) -> Measurement {
-        let shown = self.id.spec().measurement(name).map_or(Unit::Count, |spec| spec.unit);
+        let shown = self.unit_of(name);
         let mut measurement = Measurement::judge(name, value, shown, self.limit(name), self.decision, serial_number);
         measurement.repeat = (self.repeats > 1).then_some(repeat);
         measurement
@@ -281,7 +400,7 @@ impl PlanItem {
             return told.unwrap_or(Outcome::Errored);
         }
         let complete = self.limits.iter().all(|limit| {
-            let rounds = measurements.iter().filter(|measurement| measurement.name == limit.measurement.name);
+            let rounds = measurements.iter().filter(|measurement| measurement.name == limit.measurement);
             rounds.count() >= self.repeats as usize
         });
         if !complete || judged(false).is_some() {
@@ -292,11 +411,11 @@ impl PlanItem {
     }
 
     /// Names of limited measurements that never came, for the message of an errored attempt.
-    pub fn missing<'a>(&'a self, measurements: &'a [Measurement]) -> impl Iterator<Item = &'static str> + 'a {
+    pub fn missing<'a>(&'a self, measurements: &'a [Measurement]) -> impl Iterator<Item = &'a str> + 'a {
         self.limits
             .iter()
-            .map(|limit| limit.measurement.name)
-            .filter(|name| !measurements.iter().any(|measurement| measurement.name == *name))
+            .map(|limit| &*limit.measurement)
+            .filter(|name| !measurements.iter().any(|measurement| measurement.name == **name))
     }
 }
 

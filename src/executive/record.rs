@@ -13,7 +13,9 @@ use crate::event::{
     PlannedItem, ProgramVersion, StopHow,
 };
 use crate::measurement::Measurement;
+use crate::numbers::GivenNumber;
 use crate::outcome::{Cause, Outcome};
+use crate::part::{LimitsChosen, PartName};
 use crate::plan::Phase;
 use crate::state::{Attempt, Breach, Note, Row, RunState};
 use crate::verdict::Verdict;
@@ -34,8 +36,17 @@ pub struct RunRecord {
     pub interrupted: bool,
     /// The scanned serial number.
     pub serial_number: String,
+    /// The part number that was asked for, with its revision if one was; absent if none was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<PartName>,
+    /// Numbers of orders, sub-units and others, as plan or bench asked for them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub numbers: Vec<GivenNumber>,
     /// The plan that was followed.
     pub plan: PlanInfo,
+    /// The limits that were chosen by the module's part number; absent if the plan has no such limits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsChosen>,
     /// Where the bench stands, as its file states.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub site: Option<BenchSite>,
@@ -213,7 +224,10 @@ impl RunRecord {
             verdict: state.verdict().unwrap_or(Verdict::new(Outcome::Aborted, state.is_selection())),
             interrupted,
             serial_number: header.serial_number,
+            part: header.part,
+            numbers: header.numbers,
             plan: header.plan,
+            limits: state.limits().cloned(),
             site: header.site,
             recomputed: header.recomputed,
             resumed: header.resumed,

@@ -54,13 +54,13 @@ impl fmt::Display for SerialNumberPattern {
     }
 }
 
-/// Reads the key `serial_number` of a table, if it is there.
-pub(crate) fn pattern(table: &TomlTable<'_, '_>) -> Option<SerialNumberPattern> {
-    let (text, span) = table.text("serial_number")?;
+/// Reads a pattern of a table, if it is there. `example` is one for the hint.
+pub(crate) fn pattern(table: &TomlTable<'_, '_>, key: &'static str, example: &str) -> Option<SerialNumberPattern> {
+    let (text, span) = table.text(key)?;
     match SerialNumberPattern::new(text) {
         Ok(pattern) => Some(pattern),
         Err(why) => {
-            let hint = "write a regular expression, like \"SN-[0-9]{4}\"";
+            let hint = format!("write a regular expression, like \"{example}\"");
             table.mistake_at(span, format!("the pattern {} cannot be read: {why}", quoted(text)), hint);
             None
         }

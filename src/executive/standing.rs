@@ -72,6 +72,8 @@ pub enum Flaw {
     Interrupted,
     /// The chain does not name the run.
     NotInChain,
+    /// The station ended before the run was in the chain, and a later start put it there.
+    ClosedLate,
     /// The record is not as it was closed, or its line in the chain was changed.
     Changed,
     /// A program played the module.
@@ -102,6 +104,7 @@ impl Flaw {
             Self::NotClosed => "record not closed",
             Self::Interrupted => "interrupted",
             Self::NotInChain => "not in the chain",
+            Self::ClosedLate => "closed late",
             Self::Changed => "record was changed",
             Self::Simulated => "simulated",
             Self::Rejudged => "re-judged by other limits",
@@ -265,7 +268,8 @@ impl Standing {
     /// it says: another plan may build on the pass.
     pub fn passes_beyond_doubt(&self) -> bool {
         let hides = |flaw: &Flaw| {
-            matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::NotClosed | Flaw::NotInChain | Flaw::Unreadable)
+            let unproved = matches!(flaw, Flaw::NotClosed | Flaw::NotInChain | Flaw::ClosedLate);
+            unproved || matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::Unreadable)
         };
         // Of a run that is gone only the folder's name is known: the second one of a plan in a second ends with a number.
         let may_be_ours = |run: &PastRun| {
@@ -348,7 +352,9 @@ mod tests {
             Standing { plan: "incoming".into(), counts: Some(passed.clone()), beside }.passes_beyond_doubt()
         };
         assert!(gate(None));
-        for flaw in [Flaw::Missing, Flaw::Changed, Flaw::NotClosed, Flaw::NotInChain, Flaw::Unreadable] {
+        let hidden =
+            [Flaw::Missing, Flaw::Changed, Flaw::NotClosed, Flaw::NotInChain, Flaw::ClosedLate, Flaw::Unreadable];
+        for flaw in hidden {
             assert!(!gate(Some(nameless("incoming", Some(flaw)))), "{flaw:?}");
             assert!(!gate(Some(nameless("incoming-2", Some(flaw)))), "the second run in a second: {flaw:?}");
             assert!(gate(Some(nameless("incoming-cold", Some(flaw)))), "another plan: {flaw:?}");

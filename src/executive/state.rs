@@ -9,6 +9,7 @@ use crate::event::{
 };
 use crate::measurement::Measurement;
 use crate::outcome::{Cause, ItemEnd, Outcome, run_outcome};
+use crate::part::LimitsChosen;
 use crate::plan::Phase;
 use crate::verdict::Verdict;
 
@@ -41,6 +42,7 @@ pub struct RunState {
     board: Option<BoardInfo>,
     breaches: Vec<Breach>,
     other_module: Option<OtherModule>,
+    limits: Option<LimitsChosen>,
     power: Option<Power>,
     notes: Vec<Note>,
     stop: Option<(StopHow, String)>,
@@ -266,6 +268,11 @@ impl RunState {
         self.other_module.as_ref()
     }
 
+    /// The limits that were chosen by the part number of the module.
+    pub fn limits(&self) -> Option<&LimitsChosen> {
+        self.limits.as_ref()
+    }
+
     /// The module's supply, as last switched.
     pub fn power(&self) -> Option<&Power> {
         self.power.as_ref()
@@ -386,6 +393,7 @@ impl RunState {
             }
             EventKind::BoardBreach(breach) => self.breach(stamp, breach),
             EventKind::OtherModule(other) => self.other_module = Some(other.clone()),
+            EventKind::LimitsChosen(chosen) => self.limits = Some(chosen.clone()),
             EventKind::Power(power) => self.power = Some(power.clone()),
             EventKind::ItemStarted { item, attempt } => {
                 let index = self.open_index(seq, kind, item)?;
@@ -460,11 +468,11 @@ impl RunState {
                 }
                 self.pass_closed();
             }
-            EventKind::Prompted { item, text } => {
+            EventKind::Prompted { item, text, .. } => {
                 let text = format!("asked: {text}");
                 self.note(Note { stamp, level: NoteLevel::Info, text, item: item.clone() });
             }
-            EventKind::Answered { item, answer } => {
+            EventKind::Answered { item, answer, .. } => {
                 let text = if answer.is_empty() { "answered".to_owned() } else { format!("answered: {answer}") };
                 self.note(Note { stamp, level: NoteLevel::Info, text, item: item.clone() });
             }

@@ -90,6 +90,8 @@ pub(crate) fn header() -> RunHeader {
     RunHeader {
         schema: EVENTS_SCHEMA.to_owned(),
         serial_number: "DEMO-1".to_owned(),
+        part: None,
+        numbers: Vec::new(),
         operator: Some("Li Wei".to_owned()),
         station: "line-2".to_owned(),
         program: ProgramVersion { name: "gnc-station".to_owned(), version: "0.1.0".to_owned(), build: None },

@@ -320,6 +320,8 @@ fn properties(record: &RunRecord, place: &str) -> Vec<(&'static str, String)> {
         ("simulated", (bench.kind == BenchKind::Simulated).to_string()),
     ];
     properties.extend(operator.clone().map(|operator| ("operator", operator)));
+    properties.extend(record.limits.as_ref().map(|limits| ("limits", limits.to_string())));
+    properties.extend(record.numbers.iter().map(|number| ("number", format!("{}={}", number.key, number.value))));
     properties.extend(selection.as_ref().map(|names| ("selection", names.join(","))));
     properties
 }

@@ -8,6 +8,7 @@ pub mod passport;
 pub mod raw;
 pub mod report;
 pub mod resume;
+pub mod reuse;
 pub mod shift;
 pub mod standing;
 pub mod store;

@@ -42,8 +42,23 @@ pub struct Origin {
     pub recomputed_from: Option<String>,
     /// The interrupted run whose captures were taken over.
     pub resumed_from: Option<String>,
+    /// Numbers of orders, sub-units and others that were given for the run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub numbers: Vec<PassportNumber>,
     /// SHA-256 of the lines of SHA256SUMS for all files but the papers.
     pub record_sha256: String,
+}
+
+/// A number beside the serial number.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PassportNumber {
+    /// Its key in plan or bench file.
+    pub key: String,
+    /// Its name for people.
+    pub label: String,
+    /// The number.
+    pub value: String,
 }
 
 /// A sensor passport.

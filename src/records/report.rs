@@ -31,7 +31,7 @@ const PARTIAL: &str = "partial";
 pub const REPORT: &str = "report.html";
 
 /// Writes the report. `passport` is that of the run, or the reason why it has none. `digests` are those of the files in
-/// the record that the report describes: name and SHA-256.
+/// the record that the report describes: name and SHA-256. `late` says how the run was closed late.
 ///
 /// # Errors
 /// The error of `out`.
@@ -40,11 +40,15 @@ pub fn html(
     record: &RunRecord,
     passport: &Result<Passport, NoPassport>,
     digests: &[(String, String)],
+    late: Option<&str>,
 ) -> io::Result<()> {
     let title = format!("{} {} {}", record.serial_number, record.plan.name, record.started.format("%F %T"));
     let mut page = SvgPage::new(out, &title);
     verdict(&mut page, record);
-    identity(&mut page, record);
+    if let Some(late) = late {
+        page.element("p", "banner", &format!("CLOSED LATE: {late}"));
+    }
+    identity(&mut page, record, late);
     what_decided(&mut page, record);
     table_of_items(&mut page, record);
     calibration::show(&mut page, passport);
@@ -69,7 +73,7 @@ fn verdict(page: &mut SvgPage, record: &RunRecord) {
     }
 }
 
-fn identity(page: &mut SvgPage, record: &RunRecord) {
+fn identity(page: &mut SvgPage, record: &RunRecord, late: Option<&str>) {
     let bench = match record.bench.kind {
         BenchKind::Real => "real".to_owned(),
         BenchKind::Simulated => {
@@ -85,6 +89,8 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
     let rows = [
         ("Serial number", Some(record.serial_number.clone())),
         ("Plan", Some(format!("{} {} (SHA-256 {})", record.plan.name, record.plan.version, record.plan.sha256))),
+        ("Part asked", record.part.as_ref().map(ToString::to_string)),
+        ("Limits", record.limits.as_ref().map(ToString::to_string)),
         ("Station", Some(record.station.clone())),
         ("Operator", record.operator.clone()),
         ("Bench", Some(bench)),
@@ -96,7 +102,7 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
         ("Ended", record.finished.map(|at| at.to_rfc3339())),
         ("Took", Some(duration(record.elapsed_s))),
         ("Re-judged", record.recomputed.as_ref().map(|earlier| format!("the samples of run {}", earlier.run))),
-        ("Counts for the module", Some(worth(record))),
+        ("Counts for the module", Some(worth(record, late))),
         ("Round", record.looped.map(|round| round.index.to_string())),
         ("Decision rule", decision_rule(record)),
         ("Stopped by", record.stop.as_ref().map(|stop| stop.by.clone())),
@@ -107,12 +113,16 @@ fn identity(page: &mut SvgPage, record: &RunRecord) {
             page.fact(name, &value);
         }
     }
+    for number in &record.numbers {
+        page.fact(&number.label, &number.value);
+    }
     page.close("table");
 }
 
 /// Whether the verdict counts for the module, as far as the record can tell while it is closed.
-fn worth(record: &RunRecord) -> String {
-    let flaws = own_flaws(record);
+fn worth(record: &RunRecord, late: Option<&str>) -> String {
+    let mut flaws = own_flaws(record);
+    flaws.extend(late.map(|_| Flaw::ClosedLate));
     let words = flaws.iter().map(|flaw| match flaw {
         Flaw::Selection => "only chosen items were run",
         Flaw::NoVerdict => "the station could not tell",

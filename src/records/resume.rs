@@ -14,6 +14,7 @@ use gnc_analysis::capture::Capture;
 use gnc_executive::catalogue::Trace;
 use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, OtherModule, RunHeader};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::part::LimitsChosen;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use sha2::{Digest as _, Sha256};
@@ -56,6 +57,9 @@ pub enum ResumeError {
     /// The run ended, but without digests its files cannot be checked.
     #[error("the run to resume ended, and its {DIGESTS} is missing")]
     Unsealed,
+    /// The run was closed late, so nothing proves that its samples are those that were captured.
+    #[error("the run to resume was closed late, so its captures prove nothing")]
+    ClosedLate,
     /// Another station is carrying out the run now.
     #[error("the run to resume is still running")]
     GoesOn,
@@ -76,7 +80,7 @@ impl ResumeError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Unreadable(error) => error.try_this(),
-            Self::OtherModule(_) | Self::Unlike { .. } | Self::Ended(_) | Self::Unsealed => {
+            Self::OtherModule(_) | Self::Unlike { .. } | Self::Ended(_) | Self::Unsealed | Self::ClosedLate => {
                 "run the plan from its beginning, without --resume"
             }
             Self::GoesOn => "wait until that run ends, or stop it where it runs",
@@ -120,6 +124,8 @@ pub struct Resumed {
     firmware: Option<String>,
     /// The calibration that the module kept at the first power-on; `None` if the run may have stored another one.
     calibration: Option<String>,
+    /// The limits that were chosen by the module's part number.
+    limits: Option<LimitsChosen>,
     /// Items that had begun: position in the plan, name, last attempt.
     begun: Vec<(usize, String, u32)>,
     /// The run that this one had taken up.
@@ -184,6 +190,7 @@ impl Resumed {
                 .map(|board| board.firmware.clone())
                 .or_else(|| before.as_ref().and_then(|before| before.firmware.clone())),
             calibration: kept.or_else(|| knows.and_then(|before| before.calibration.clone())).filter(|_| !stores),
+            limits: state.limits().cloned().or_else(|| before.as_ref().and_then(|before| before.limits.clone())),
             begun,
             before,
         })
@@ -209,6 +216,17 @@ impl Resumed {
             same("a module with the calibration", was, calibration.unwrap_or(UNKNOWN))?;
         }
         Ok(())
+    }
+
+    /// Checks that the module is judged by the limits of the earlier run.
+    ///
+    /// # Errors
+    /// [`ResumeError::Unlike`].
+    pub fn fits_limits(&self, chosen: &LimitsChosen) -> Result<(), ResumeError> {
+        match &self.limits {
+            Some(was) if was.part != chosen.part => same("the limits", &was.to_string(), &chosen.to_string()),
+            _ => Ok(()),
+        }
     }
 
     /// The complete captures of a round of an item, from 1; empty if the round had not begun.
@@ -256,6 +274,7 @@ fn unchanged(folder: &Path, state: &RunState) -> Result<(), ResumeError> {
     }
     match chain::standing(folder) {
         Ok(ChainStanding::Held | ChainStanding::NoChain) => Ok(()),
+        Ok(ChainStanding::Late) => Err(ResumeError::ClosedLate),
         // A power cut came between the digests and the chain; the start of the next run repairs that.
         Ok(ChainStanding::Missing) if state.is_interrupted() => Ok(()),
         Ok(ChainStanding::Missing) => {

@@ -10,6 +10,7 @@ use chrono::{DateTime, FixedOffset, NaiveDateTime, NaiveTime, TimeDelta};
 use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 
+use crate::store::chain::LateCloses;
 use crate::store::reader::{self, FoundRun};
 
 /// Largest number of runs of one day that are read: more than a socket can test.
@@ -59,15 +60,16 @@ struct WholeRun {
 }
 
 impl WholeRun {
-    /// The run, if it is one of this station and of a whole plan. A run whose record was not closed is errored, whatever
-    /// it says.
-    fn of(found: &FoundRun, of: &ShiftOf) -> Option<Self> {
+    /// The run, if it is one of this station and of a whole plan. A run whose record was not closed, or was closed late, is
+    /// errored, whatever it says.
+    fn of(found: &FoundRun, of: &ShiftOf, late: &mut LateCloses) -> Option<Self> {
         let run = found.run.as_ref().ok()?;
         let outcome = run.verdict.of_module()?;
         let counts = run.station == of.station && run.bench.kind == of.kind && run.recomputed.is_none();
         // A run of another module than was scanned is of neither.
         let counts = counts && run.other_module.is_none();
-        let outcome = if found.sealed { outcome } else { Outcome::Errored };
+        let is_late = found.sealed && outcome.is_good() && late.of(&found.path).is_ok_and(|late| late.is_some());
+        let outcome = if found.sealed && !is_late { outcome } else { Outcome::Errored };
         counts.then(|| Self {
             serial_number: run.serial_number.clone(),
             plan: run.plan.name.clone(),
@@ -186,9 +188,10 @@ impl ShiftBook {
             let Some(next) = day.succ_opt() else { break };
             day = next;
         }
+        let mut late = LateCloses::default();
         for path in &paths {
             if !self.read.contains_key(path) && !crate::store::goes_on(path) {
-                let run = WholeRun::of(&reader::found(path.clone()), &self.of);
+                let run = WholeRun::of(&reader::found(path.clone()), &self.of, &mut late);
                 self.read.insert(path.clone(), run);
             }
         }
@@ -205,7 +208,8 @@ impl ShiftBook {
 /// Whether a module was judged by a plan before a time.
 fn was_judged(of: &ShiftOf, serial_number: &str, plan: &str, before: DateTime<FixedOffset>) -> bool {
     let earlier = reader::newest_of_module(&of.records, serial_number).take(MAX_EARLIER);
-    let runs = earlier.filter_map(|path: PathBuf| WholeRun::of(&reader::found(path), of));
+    let mut late = LateCloses::default();
+    let runs = earlier.filter_map(|path: PathBuf| WholeRun::of(&reader::found(path), of, &mut late));
     runs.into_iter()
         .any(|run| run.serial_number == serial_number && run.plan == plan && run.started < before && run.is_judged())
 }

@@ -45,9 +45,9 @@ pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreEr
         return Ok(standing);
     }
     let mut seals = Seals::new(records);
-    let Closed { counted, missing } = closed(records, question, &mut seals)?;
+    let Closed { counted, later, missing } = closed(records, question, &mut seals)?;
     let beside = match &counted {
-        Some((folder, _)) => doubt(records, question, folder, &mut seals)?,
+        Some((folder, _)) => doubt(records, question, folder, later, &mut seals)?,
         None => newest(records, question, &mut seals)?,
     };
     standing.beside = beside.or(missing.map(|folder| nameless(&folder, question, Flaw::Missing)));
@@ -60,6 +60,8 @@ pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreEr
 struct Closed {
     /// The newest run that counts, with its folder.
     counted: Option<(PathBuf, PastRun)>,
+    /// The runs that were closed after that one, the last one first.
+    later: Vec<PathBuf>,
     /// The newest run after that one whose folder is gone.
     missing: Option<PathBuf>,
 }
@@ -69,43 +71,60 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
     let last = (question.now + DATE_SLACK).date_naive();
     let first = (question.now - TimeDelta::days(i64::from(question.valid_days)) - DATE_SLACK).date_naive();
     let names = reader::folders_of(question.serial_number);
-    let mut closed: Vec<(u64, PathBuf)> = Vec::new();
+    let mut closed: Vec<(u64, bool, PathBuf)> = Vec::new();
+    // A run of any day may have been closed last: the clock may have been wrong then.
     for day in reader::day_names(records)? {
         let date = NaiveDate::parse_from_str(&day, "%Y-%m-%d");
         let in_time = date.is_ok_and(|date| (first..=last).contains(&date));
-        for name in names.iter().filter(|name| in_time && records.join(&day).join(name).is_dir()) {
-            closed.extend(seals.day(&day)?.of_module(name).map(|(number, run)| (number, records.join(run))));
+        for name in names.iter().filter(|name| records.join(&day).join(name).is_dir()) {
+            let runs = seals.day(&day)?.of_module(name);
+            closed.extend(runs.map(|(number, run)| (number, in_time, records.join(run))));
         }
     }
-    closed.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
+    closed.sort_by_key(|(number, ..)| std::cmp::Reverse(*number));
     let mut found = Closed::default();
-    for (_, folder) in closed.into_iter().take(MAX_COUNTED) {
-        if found.missing.is_none() && !folder.exists() {
-            found.missing = Some(folder);
+    for (_, in_time, folder) in closed.into_iter().take(MAX_COUNTED) {
+        if !folder.exists() {
+            if in_time {
+                found.missing.get_or_insert(folder);
+            }
             continue;
         }
-        let Some(facts) = facts(&folder).filter(|facts| facts.serial_number == question.serial_number) else {
-            continue;
-        };
-        let flaws = facts.flaws(question);
-        // Digests are compared only where everything else is right.
-        if flaws.is_empty() && seals.seal(&folder)? == Seal::Chained {
-            found.counted = Some((folder, PastRun::new(&facts, flaws)));
-            break;
+        let facts = if in_time { facts(&folder) } else { None };
+        if let Some(facts) = facts.filter(|facts| facts.serial_number == question.serial_number) {
+            let flaws = facts.flaws(question);
+            // Digests are compared only where everything else is right.
+            if flaws.is_empty() && seals.seal(&folder)? == Seal::Chained {
+                found.counted = Some((folder, PastRun::new(&facts, flaws)));
+                break;
+            }
+        }
+        if found.later.len() < MAX_NAMED {
+            found.later.push(folder);
         }
     }
     Ok(found)
 }
 
-/// The newest run after the one that counts that puts it in doubt.
+/// The newest run after the one that counts that puts it in doubt. The chain has the order of the runs that it names. Of the
+/// others only their folders tell, by the clock of that time.
 fn doubt(
     records: &Path,
     question: &Question<'_>,
     counted: &Path,
+    closed_later: Vec<PathBuf>,
     seals: &mut Seals<'_>,
 ) -> Result<Option<PastRun>, StoreError> {
-    let later = reader::newest_of_module(records, question.serial_number).take_while(|folder| folder != counted);
-    for folder in later.take(MAX_NAMED) {
+    let mut later = closed_later;
+    let by_name = reader::newest_of_module(records, question.serial_number).take_while(|folder| folder != counted);
+    for folder in by_name.take(MAX_NAMED) {
+        if seals.number(&folder)?.is_none() {
+            // Before the first of those that are older by their folders too.
+            let place = later.iter().position(|closed| reader::when(closed) < reader::when(&folder));
+            later.insert(place.unwrap_or(later.len()), folder);
+        }
+    }
+    for folder in later {
         if let Some(run) = past(&folder, question, seals)?.filter(|run| run.is_doubt(question.bench)) {
             return Ok(Some(run));
         }
@@ -148,8 +167,11 @@ fn nameless(folder: &Path, question: &Question<'_>, flaw: Flaw) -> PastRun {
     PastRun::nameless(plan_folder(folder), at, flaw)
 }
 
-/// A run as it is; `None` if it belongs to another module, whose number gives the same name of a folder.
+/// A run as it is; `None` if it belongs to another module, whose number gives the same name of a folder, or never began.
 fn past(folder: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
+    if store::was_never_begun(folder) && seals.number(folder)?.is_none() {
+        return Ok(None);
+    }
     let kept = match seals.seal(folder)? {
         Seal::Chained => None,
         Seal::Flawed(flaw) => Some(flaw),
@@ -249,13 +271,33 @@ impl<'a> Seals<'a> {
         }
         let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
         let day = name.split('/').next().unwrap_or_default().to_owned();
+        if self.day(&day)?.find(&name).is_none() {
+            // The run may have been closed since the chain was read. Look whether its station still closes it, and only
+            // then read the chain again.
+            let goes_on = store::goes_on(run);
+            self.days.remove(&day);
+            if self.day(&day)?.find(&name).is_none() {
+                return Ok(Seal::Flawed(if goes_on { Flaw::UnderWay } else { Flaw::NotInChain }));
+            }
+        }
         let Some(link) = self.day(&day)?.find(&name) else { return Ok(Seal::Flawed(Flaw::NotInChain)) };
         let sums = digest::of_file(&run.join(DIGESTS));
         let as_closed = link.is_sound && sums.is_ok_and(|sums| sums == link.digest) && {
             let promised = FileDigests::read(run).ok().and_then(|(sums, _)| sums.get(RECORD).map(str::to_owned));
             promised.is_some() && digest::of_file(&run.join(RECORD)).ok() == promised
         };
-        Ok(if as_closed { Seal::Chained } else { Seal::Flawed(Flaw::Changed) })
+        Ok(match (as_closed, &link.late) {
+            (false, _) => Seal::Flawed(Flaw::Changed),
+            (true, Some(_)) => Seal::Flawed(Flaw::ClosedLate),
+            (true, None) => Seal::Chained,
+        })
+    }
+
+    /// The place of a run in the order in which runs were closed; `None` if the chain does not name it.
+    fn number(&mut self, run: &Path) -> Result<Option<u64>, StoreError> {
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        Ok(self.day(&day)?.find(&name).map(|link| link.number))
     }
 
     fn day(&mut self, day: &str) -> Result<&DayLinks, StoreError> {

@@ -4,13 +4,16 @@
 //! item. So are the raw samples, one file for each attempt that captures. Everything else is made from the journal at
 //! the end, and a list of digests closes the folder.
 
+mod begun;
 pub mod captures;
 pub mod chain;
 mod closing;
 mod cut_off;
 pub mod digest;
 pub(crate) mod folder;
+pub mod head;
 pub(crate) mod key;
+mod late;
 pub(crate) mod name;
 mod raw;
 pub mod reader;
@@ -21,7 +24,8 @@ use std::path::{Path, PathBuf};
 
 use gnc_executive::state::OutOfOrder;
 
-pub use closing::{goes_on, pretty, seal_interrupted};
+pub use begun::was_never_begun;
+pub use closing::{Sealer, goes_on, pretty, seal_interrupted};
 pub use folder::RunFolder;
 pub use key::{KeyError, PublicKey, StationKey};
 pub use name::number_of;

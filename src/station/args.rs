@@ -5,10 +5,14 @@ mod list;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use gnc_executive::part::{PartName, unfit};
 use gnc_executive::plan::OnFail;
 use gnc_executive::quantity::{Dimension, Quantity, Unit};
+use gnc_text::quoted;
 
 use crate::exit_code::Strictness;
+use crate::refusal::CommandRefusal;
+use crate::serial_number::is_invisible;
 
 pub(crate) use list::ListArgs;
 
@@ -92,9 +96,22 @@ pub(crate) struct RunArgs {
     /// Serial number of the module.
     #[arg(long, value_name = "SN")]
     pub serial_number: Option<String>,
+    /// Part number that the module must have. The station compares it with what the module says.
+    #[arg(long, value_name = "PART")]
+    pub part: Option<String>,
+    /// Hardware revision that the module must have; `-` for none.
+    #[arg(long, value_name = "REV", requires = "part", allow_hyphen_values = true)]
+    pub revision: Option<String>,
+    /// A number that plan or bench file ask for beside the serial number, by its key: order=PO-1234.
+    #[arg(long = "number", value_name = "KEY=NUMBER", value_parser = parse_number)]
+    pub numbers: Vec<(String, String)>,
     /// Name of the operator.
     #[arg(long, value_name = "NAME")]
     pub operator: Option<String>,
+    /// The answer to a question of the plan, by the question's name; may be given several times. Questions without an answer are
+    /// asked on the terminal.
+    #[arg(long = "answer", value_name = "NAME=VALUE", value_parser = parse_answer, requires = "auto")]
+    pub answers: Vec<(String, String)>,
     /// Name of the station; by default the one in the bench file.
     #[arg(long, value_name = "ID")]
     pub station: Option<String>,
@@ -135,10 +152,34 @@ pub(crate) struct RunArgs {
 }
 
 impl RunArgs {
+    /// The part that the module must be.
+    pub(crate) fn part(&self) -> Result<Option<PartName>, CommandRefusal> {
+        asked_part(self.part.as_deref(), self.revision.as_deref())
+    }
+
     /// Whether a marginal module has an exit code of its own.
     pub(crate) fn strictness(&self) -> Strictness {
         if self.strict { Strictness::Strict } else { Strictness::Lenient }
     }
+}
+
+/// A part number and a revision as people give them, without the white space around them that some scanners add.
+pub(crate) fn asked_part(number: Option<&str>, revision: Option<&str>) -> Result<Option<PartName>, CommandRefusal> {
+    let Some(number) = number else { return Ok(None) };
+    for (what, text) in [("part number", Some(number)), ("revision", revision)] {
+        let Some(text) = text else { continue };
+        let problem = match unfit(text) {
+            _ if what == "part number" && text.trim().is_empty() => Some(("is empty", "scan the label again")),
+            None if text.chars().any(is_invisible) => {
+                Some(("has a character that nobody sees", "type it again as it stands on the label"))
+            }
+            problem => problem,
+        };
+        if let Some((why, hint)) = problem {
+            return Err(CommandRefusal::new(format!("the {what} {} {why}", quoted(text)), hint));
+        }
+    }
+    Ok(Some(PartName::new(number.trim(), revision.map(str::trim))))
 }
 
 /// What a bad item means for the rest.
@@ -157,6 +198,16 @@ impl From<OnFailArg> for OnFail {
             OnFailArg::Continue => Self::Continue,
         }
     }
+}
+
+fn parse_number(text: &str) -> Result<(String, String), String> {
+    let (key, number) = text.split_once('=').ok_or_else(|| "write KEY=NUMBER, like order=PO-1234".to_owned())?;
+    Ok((key.trim().to_owned(), number.trim().to_owned()))
+}
+
+fn parse_answer(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("write the name of the question, =, and the answer: tp4=3.3")?;
+    Ok((name.trim().to_owned(), value.to_owned()))
 }
 
 fn parse_time(text: &str) -> Result<std::time::Duration, String> {

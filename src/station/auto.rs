@@ -9,12 +9,14 @@ mod junit;
 use std::io::{self, IsTerminal as _};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 use gnc_bench::control::RunControl;
 use gnc_bench::fixture::{Fixture, Operator};
+use gnc_bench::questions::{Answers, Person};
 use gnc_bench::runner::{Ending, Live};
 use gnc_bench::service::{self, Observer, Rounds, RunRequest, ServiceError};
+use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
@@ -72,6 +74,14 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     let plan = files::plan(path)?;
     let bench = setup::check(args)?;
     let operator = bench.habits.operator(args.operator.as_deref())?;
+    let answers =
+        Answers::given(&args.answers, plan.plan()).map_err(|wrong| CommandRefusal::new(wrong.what, &wrong.hint))?;
+    // A simulated bench does all by itself but for answering.
+    let simulated = bench.bench.kind == BenchKind::Simulated;
+    let answers = match simulated && answers.lack(plan.plan()) && io::stdin().is_terminal() {
+        true => answers.with(Person::Terminal(Arc::new(terminal()?))),
+        false => answers,
+    };
     let setup = bench.open(&serial_number, at_the_terminal)?;
     let resume = args.resume.as_deref();
     let rounds = match args.until {
@@ -82,8 +92,11 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     let request = RunRequest {
         plan,
         serial_number,
+        part: args.part()?,
+        numbers: args.numbers.clone(),
         operator,
         selection: args.only.clone(),
+        answers,
         program: program(),
         on_fail: args.on_fail.map(OnFail::from),
         rounds,
@@ -102,15 +115,18 @@ fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
     serial_number::check(given).map_err(|error| CommandRefusal::new(error, "scan the module's label again"))
 }
 
+/// The operator at the terminal.
+fn terminal() -> Result<Operator, CommandRefusal> {
+    let operator = Operator::at_the_terminal();
+    operator.map_err(|error| CommandRefusal::new(format!("cannot read from the terminal: {error}"), ""))
+}
+
 /// Returns the operator at the terminal as the fixture, or an absent fixture without a terminal.
 fn at_the_terminal() -> Result<Fixture, CommandRefusal> {
     if !io::stdin().is_terminal() {
         return Ok(Fixture::Absent);
     }
-    let operator = Operator::at_the_terminal();
-    operator
-        .map(Fixture::Operator)
-        .map_err(|error| CommandRefusal::new(format!("cannot read from the terminal: {error}"), ""))
+    terminal().map(Fixture::Operator)
 }
 
 /// Carries out what was prepared. Returns the worst verdict.
@@ -144,24 +160,24 @@ pub(crate) async fn all_rounds(
     let done = match service::run(request, equipment, &control, &live, &mut shown).await {
         // Command line, plan and bench are in order; it is this module that cannot be judged now.
         Err(error @ ServiceError::Requires { .. }) => {
-            complain(with_causes(&error), error.try_this());
+            complain(with_causes(&error), &error.try_this());
             if let Some(junit) = shown.junit {
-                junit.refused(&with_causes(&error), error.try_this());
+                junit.refused(&with_causes(&error), &error.try_this());
             }
             return Ok(Verdict::new(Outcome::Errored, request.selection.is_some()));
         }
         done => done.map_err(|error| refusal(&error))?,
     };
     if let Some(hooks) = shown.hooks.take() {
-        tokio::select! {
-            _ = control.asked_times(2) => {}
-            _ = tokio::task::spawn_blocking(move || hooks.finish()) => {}
-        }
+        let asked_again = async {
+            let _ = control.asked_times(2).await;
+        };
+        hooks.finish(asked_again).await;
     }
     if let Some(refused) = &done.refused {
-        complain(with_causes(refused), refused.try_this());
+        complain(with_causes(refused), &refused.try_this());
         if let Some(junit) = shown.junit {
-            junit.refused(&with_causes(refused), refused.try_this());
+            junit.refused(&with_causes(refused), &refused.try_this());
         }
     }
     if done.verdicts.len() > 1 {
@@ -186,7 +202,7 @@ fn counts(ends: &[Verdict]) -> String {
 
 /// The refusal of a request that the service does not carry out.
 fn refusal(error: &ServiceError) -> CommandRefusal {
-    CommandRefusal::new(with_causes(error), error.try_this())
+    CommandRefusal::new(with_causes(error), &error.try_this())
 }
 
 /// Shows each round, on a thread of its own.

@@ -1,18 +1,21 @@
 //! `gnc-station plan check`: checks whether a bench can run plans.
 
+use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_analysis::motion;
 use gnc_executive::job::{BenchAbilities, Job};
+use gnc_executive::part::PartName;
 use gnc_executive::plan::Plan;
 
 use crate::exit_code::USAGE;
 use crate::refusal::{CommandRefusal, refuse};
 use crate::{files, setup};
 
-pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCode {
+/// `part`: the module whose limits are shown.
+pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool, part: Option<&PartName>) -> ExitCode {
     let abilities = match abilities(bench, sim) {
         Ok(abilities) => abilities,
         Err(refusal) => return refuse(refusal.what, &refusal.try_this),
@@ -22,7 +25,8 @@ pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCod
     for path in plans {
         let checked = files::plan(path).and_then(|plan| {
             let plan = plan.plan();
-            let (items, time) = (plan.items().len(), bench_time(plan));
+            let limits = part.map(|part| limits(plan, part)).transpose()?.unwrap_or_default();
+            let (items, time) = (plan.items().len(), format!("{}{limits}", bench_time(plan)));
             match abilities {
                 Some(abilities) => {
                     Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?
@@ -42,6 +46,29 @@ pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool) -> ExitCod
         };
     }
     if wrong > 0 { ExitCode::from(USAGE) } else { ExitCode::SUCCESS }
+}
+
+/// The limits by which a plan judges a module, each with the plan's own limit in its place if that is another.
+fn limits(plan: &Plan, module: &PartName) -> Result<String, CommandRefusal> {
+    if module.revision.is_none() && plan.has_revisions_of(module) {
+        let what = format!("the limits for part {module} depend on its revision");
+        return Err(CommandRefusal::new(what, "name it with --revision REV"));
+    }
+    let chosen = plan.choose_limits(module).map_err(|error| CommandRefusal::new(&error, error.try_this()))?;
+    let judging = chosen.part.as_ref().and_then(|part| plan.with_limits_of(part));
+    let mut lines = format!("\n  limits: {chosen}");
+    for (item, own) in judging.as_ref().unwrap_or(plan).items().iter().zip(plan.items()) {
+        for (name, limit) in item.limits() {
+            let was = match own.limit(name) {
+                Some(own) if own == limit => String::new(),
+                Some(own) => format!(" (the item has {own})"),
+                None => " (the item has none)".to_owned(),
+            };
+            // Writing to a String cannot fail.
+            let _ = write!(lines, "\n    {} {name} {limit}{was}", item.name);
+        }
+    }
+    Ok(lines)
 }
 
 /// Describes the bench time of each item that captures, and the sum. Empty if no item captures.

@@ -116,6 +116,12 @@ pub(crate) enum PlanCommand {
         /// Checks the plans against the simulated bench.
         #[arg(long)]
         sim: bool,
+        /// Shows the limits by which the plans judge a module with this part number.
+        #[arg(long, value_name = "PART")]
+        part: Option<String>,
+        /// The hardware revision of that module; `-` for none.
+        #[arg(long, value_name = "REV", requires = "part", allow_hyphen_values = true)]
+        revision: Option<String>,
     },
 }
 
@@ -133,8 +139,11 @@ pub fn main() -> ExitCode {
         Some(Command::Board { what }) => crate::board::run(&what),
         Some(Command::Ports) => crate::ports::run(),
         Some(Command::Doctor { bench, records }) => crate::doctor::run(bench.as_deref(), records.as_deref()),
-        Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim } }) => {
-            crate::check::run(&plans, bench.as_deref(), sim)
+        Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim, part, revision } }) => {
+            match crate::args::asked_part(part.as_deref(), revision.as_deref()) {
+                Ok(part) => crate::check::run(&plans, bench.as_deref(), sim, part.as_ref()),
+                Err(refusal) => crate::refusal::refuse(refusal.what, &refusal.try_this),
+            }
         }
         Some(Command::Recompute { run, plan, records }) => crate::recompute::run(&run, &records, plan.as_deref()),
         Some(Command::Export { run, format, out, records }) => {

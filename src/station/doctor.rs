@@ -7,6 +7,7 @@ mod holders;
 mod lines;
 mod place;
 mod port;
+mod scanner;
 #[cfg(test)]
 mod tests;
 
@@ -126,6 +127,7 @@ pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys, proc
     if let Some(bench) = &bench {
         socket(bench, &mut findings);
         findings.extend(lines::look(bench, sys, proc));
+        findings.extend(bench.scanner.iter().flat_map(|scanner| scanner::look(scanner, proc)));
     }
     let in_file = bench.as_ref().and_then(|bench| bench.records.as_ref());
     let in_file = in_file.map(|records| path.parent().unwrap_or_else(|| Path::new("")).join(records));

@@ -6,16 +6,42 @@ use std::path::{Path, PathBuf};
 
 use gnc_bench::service::CheckedPlan;
 use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
-use gnc_executive::plan::{MAX_PLAN_BYTES, Plan};
+use gnc_executive::plan::{MAX_PLAN_BYTES, Plan, PlanItem};
+use gnc_text::quoted;
 
 use crate::refusal::CommandRefusal;
 
-/// Reads and checks a plan with all that it includes.
+/// Reads and checks a plan with all that it includes, and with its pictures.
 pub(crate) fn plan(path: &Path) -> Result<CheckedPlan, CommandRefusal> {
+    checked(path, missing_pictures)
+}
+
+/// The same for a plan that asks nobody: its limits judge what was answered before.
+pub(crate) fn plan_to_judge(path: &Path) -> Result<CheckedPlan, CommandRefusal> {
+    checked(path, |_| Vec::new())
+}
+
+fn checked(
+    path: &Path,
+    look: impl Fn(&PlanItem) -> Vec<(String, &'static str)>,
+) -> Result<CheckedPlan, CommandRefusal> {
     let bytes = read(path, MAX_PLAN_BYTES).map_err(|error| cannot_read("plan", path, &error))?;
     let mut load = |name: &str| read(Path::new(name), MAX_PLAN_BYTES).map_err(|error| error.to_string());
     let plan = Plan::read(&path.to_string_lossy(), bytes, &mut load);
-    plan.and_then(CheckedPlan::new).map_err(|mistakes| CommandRefusal::new(mistakes, ""))
+    plan.and_then(|plan| plan.check(look))
+        .and_then(CheckedPlan::new)
+        .map_err(|mistakes| CommandRefusal::new(mistakes, ""))
+}
+
+/// The pictures of questions that are not there. An operator who is told to look at one must find it.
+fn missing_pictures(item: &PlanItem) -> Vec<(String, &'static str)> {
+    let pictures = item.questions.iter().filter_map(|question| Some((question, question.picture.as_deref()?)));
+    let missing = pictures.filter(|(_, path)| !Path::new(path).is_file());
+    let told = missing.map(|(question, path)| {
+        let what = format!("the question {} shows {}, and there is no such file", question.name, quoted(path));
+        (what, "the path is relative to the plan's file")
+    });
+    told.collect()
 }
 
 /// Reads and checks a bench file.

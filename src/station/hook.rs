@@ -3,6 +3,7 @@
 //! The program reads one JSON object from its standard input. It runs beside the tests, on a thread of its own: no test
 //! waits for it, and nothing that it does changes a verdict. What goes wrong with it is told to the operator.
 
+use std::future::Future;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::pin::pin;
@@ -24,6 +25,7 @@ use nix::unistd::Pid;
 use serde::Serialize;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::process::{Child, Command};
+use tokio::sync::{oneshot, watch};
 
 use crate::refusal::complain;
 
@@ -36,6 +38,8 @@ const WAITING: usize = 64;
 const SHOWN_BYTES: u64 = 300;
 /// Longest wait of the end of the program for the verdicts that are not told yet.
 const END_WAITS: Duration = Duration::from_secs(10);
+/// Longest wait for a program that was killed: it ends at once, unless it waits for a disk or a device.
+const KILL_WAITS: Duration = Duration::from_secs(1);
 /// Time for the last words of a program that has ended.
 const LAST_WORDS: Duration = Duration::from_millis(100);
 
@@ -80,7 +84,11 @@ struct Ended {
 #[derive(Debug)]
 pub(crate) struct Hooks {
     verdicts: SyncSender<Ended>,
-    thread: JoinHandle<()>,
+    /// Returns how many verdicts were not told because the program was killed.
+    thread: JoinHandle<usize>,
+    /// True: the program is to be killed, and no further verdict is told.
+    kill: watch::Sender<bool>,
+    name: String,
 }
 
 impl Hooks {
@@ -90,9 +98,11 @@ impl Hooks {
     /// The system starts no thread.
     pub(crate) fn start(program: HookProgram, trouble: impl Fn(String) + Send + 'static) -> io::Result<Self> {
         let (verdicts, ended) = sync_channel(WAITING);
+        let (kill, killed) = watch::channel(false);
+        let name = program.name();
         let thread = std::thread::Builder::new().name("hook".into());
-        let thread = thread.spawn(move || serve(&program, &ended, &trouble))?;
-        Ok(Self { verdicts, thread })
+        let thread = thread.spawn(move || serve(&program, &ended, killed, &trouble))?;
+        Ok(Self { verdicts, thread, kill, name })
     }
 
     /// Has the verdict of a run told. Returns at once; the error says why the verdict is not told.
@@ -104,54 +114,99 @@ impl Hooks {
         })
     }
 
-    /// Waits a while until every verdict is told, and says so if some are not.
-    pub(crate) fn finish(self) {
-        let Self { verdicts, thread } = self;
+    /// Waits a while until every verdict is told, and says so if some are not. Once `interrupted` is ready, it kills the
+    /// program and waits no longer.
+    pub(crate) async fn finish(self, interrupted: impl Future<Output = ()>) {
+        let Self { verdicts, thread, kill, name } = self;
         drop(verdicts);
-        let (done, is_done) = sync_channel(1);
+        let (done, mut is_done) = oneshot::channel();
         let waits = std::thread::Builder::new().name("hook-end".into()).spawn(move || {
-            let _ = thread.join();
-            let _ = done.send(());
+            let _ = done.send(thread.join().unwrap_or_default());
         });
-        if waits.is_err() || is_done.recv_timeout(END_WAITS).is_err() {
-            let what = format!("the hook is not done with the last verdicts after {} s", END_WAITS.as_secs());
-            complain(what, "the records hold every verdict; shorten hook_time, or mend the program");
+        let kept = "the records hold every verdict";
+        tokio::select! {
+            ended = tokio::time::timeout(END_WAITS, &mut is_done) => {
+                if waits.is_err() || ended.is_err() {
+                    let what = format!("the hook is not done with the last verdicts after {} s", END_WAITS.as_secs());
+                    complain(what, &format!("{kept}; shorten hook_time, or mend the program"));
+                }
+            }
+            () = interrupted => {
+                let _ = kill.send(true);
+                let untold = tokio::time::timeout(KILL_WAITS, is_done).await;
+                let untold = untold.ok().and_then(Result::ok).map_or_else(String::new, |count| {
+                    format!("; verdicts that it was not told or did not finish: {count}")
+                });
+                complain(format!("{name} was killed by ctrl-C{untold}"), kept);
+            }
         }
     }
 }
 
-fn serve(program: &HookProgram, ended: &Receiver<Ended>, trouble: &impl Fn(String)) {
+/// Tells verdicts until there are no more. Returns how many were not told because the program was killed.
+fn serve(
+    program: &HookProgram,
+    ended: &Receiver<Ended>,
+    mut killed: watch::Receiver<bool>,
+    trouble: &impl Fn(String),
+) -> usize {
     let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
         Ok(runtime) => runtime,
-        Err(error) => return trouble(format!("{} cannot be started: {error}", program.name())),
+        Err(error) => {
+            trouble(format!("{} cannot be started: {error}", program.name()));
+            return 0;
+        }
     };
+    let mut untold = 0;
     for run in ended {
+        if *killed.borrow() {
+            untold += 1;
+            continue;
+        }
         let note = serde_json::to_vec(&Note::of(&run)).unwrap_or_default();
-        if let Err(what) = runtime.block_on(tell(program, note)) {
-            trouble(format!("{} {what}; the verdict of {} stands", program.name(), printable(&run.serial_number)));
+        match runtime.block_on(tell(program, note, &mut killed)) {
+            Ok(()) => {}
+            Err(Untold::Killed) => untold += 1,
+            Err(Untold::Trouble(what)) => {
+                trouble(format!("{} {what}; the verdict of {} stands", program.name(), printable(&run.serial_number)));
+            }
         }
     }
+    untold
 }
 
-/// Starts the program with a verdict and waits for its end. The error is a predicate: "ended with code 1".
-async fn tell(program: &HookProgram, mut note: Vec<u8>) -> Result<(), String> {
+/// Why the program has not done its work.
+#[derive(Debug)]
+enum Untold {
+    /// A predicate: "ended with code 1".
+    Trouble(String),
+    /// The operator does not want to wait.
+    Killed,
+}
+
+/// Starts the program with a verdict and waits for its end.
+async fn tell(program: &HookProgram, mut note: Vec<u8>, killed: &mut watch::Receiver<bool>) -> Result<(), Untold> {
     note.push(b'\n');
     let mut command = Command::new(&program.program);
     command.args(&program.arguments).current_dir(&program.folder).kill_on_drop(true);
     // A group of its own: an interrupt of the terminal is meant for the station, and the group is killed as a whole.
     command.process_group(0).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
-    let mut child = command.spawn().map_err(|error| format!("cannot be started: {error}"))?;
+    let mut child = command.spawn().map_err(|error| Untold::Trouble(format!("cannot be started: {error}")))?;
     let group = child.id().and_then(|id| i32::try_from(id).ok()).map(Pid::from_raw);
     let deadline = Instant::now() + program.limit;
-    let served = tokio::time::timeout_at(deadline.into(), follow(&mut child, &note)).await;
-    let Ok(served) = served else {
-        if let Some(group) = group {
-            let _ = killpg(group, Signal::SIGKILL);
-        }
-        let _ = child.wait().await;
-        return Err(format!("still ran after {} s and was killed", program.limit.as_secs_f64()));
+    let why = tokio::select! {
+        served = tokio::time::timeout_at(deadline.into(), follow(&mut child, &note)) => match served {
+            Ok(served) => return served.map_err(Untold::Trouble),
+            Err(_) => Untold::Trouble(format!("still ran after {} s and was killed", program.limit.as_secs_f64())),
+        },
+        // Without a sender nobody can ask for it any more.
+        Ok(_) = killed.wait_for(|killed| *killed) => Untold::Killed,
     };
-    served
+    if let Some(group) = group {
+        let _ = killpg(group, Signal::SIGKILL);
+    }
+    let _ = child.wait().await;
+    Err(why)
 }
 
 /// Gives a program its input and hears its errors until it ends.
@@ -265,3 +320,6 @@ impl Told {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,6 +3,7 @@
 
 mod again;
 mod differences;
+mod limits;
 mod passports;
 mod source;
 
@@ -76,7 +77,7 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
 }
 
 fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
-    let plan = files::plan(path).map_err(|refusal| RunError::Plan { what: refusal.what })?;
+    let plan = files::plan_to_judge(path).map_err(|refusal| RunError::Plan { what: refusal.what })?;
     let run = RecordedRun::read(folder)?;
     let of = EarlierRun {
         run: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),

@@ -10,7 +10,8 @@ use std::process::ExitCode;
 use gnc_executive::record::RunRecord;
 use gnc_executive::standing::Seal;
 use gnc_executive::text;
-use gnc_records::store::reader::{self, Wanted};
+use gnc_records::store::chain::LateCloses;
+use gnc_records::store::reader::{self, ReadError, Wanted};
 use gnc_records::store::{PublicKey, StationKey, StoreError, chain};
 use gnc_text::printable;
 
@@ -67,7 +68,12 @@ fn summary(word: &str, run: &RunRecord, kept: Seal) -> String {
 fn show(folder: &Path) -> ExitCode {
     match reader::read(folder) {
         Ok(run) => {
-            let _ = std::io::stdout().write_all(text::log_txt(&run).as_bytes());
+            let mut out = std::io::stdout().lock();
+            let _ = out.write_all(text::log_txt(&run).as_bytes());
+            // The journal cannot tell it. Whoever wants to know why the chain cannot be read verifies the run.
+            if let Ok(Some(late)) = LateCloses::default().of(folder) {
+                let _ = writeln!(out, "\nCLOSED LATE: {}", printable(&late.in_words()));
+            }
             ExitCode::SUCCESS
         }
         Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
@@ -91,7 +97,8 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
             folders
         }
     };
-    let (mut bad, mut newer, mut running) = (0, 0, 0);
+    let (mut bad, mut newer, mut running, mut never_begun) = (0, 0, 0, 0);
+    let mut late_closes = LateCloses::default();
     for folder in &folders {
         let mut found = reader::check(folder);
         let place = folder.display();
@@ -100,14 +107,25 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
             let _ = writeln!(out, "{place}: running: its record can be verified when the run has ended");
             continue;
         }
+        if found.never_begun {
+            never_begun += 1;
+            let _ = writeln!(out, "{place}: {}", ReadError::NeverBegun);
+            continue;
+        }
         found.problems.extend(key.and_then(|key| reader::verify_signature(folder, key)));
         let whole = found.problems.is_empty();
+        let late = late_closes.of(folder).map_err(|error| store_refusal(&error))?;
+        if let Some(late) = &late {
+            let now =
+                if whole { "its files are as the journal left them" } else { "its files were changed after that" };
+            let _ = writeln!(out, "{place}: {}; {now}", printable(&late.in_words()));
+        }
         let _ = match &found.newer {
             Some(why) if whole => {
                 writeln!(out, "{place}: {why}: its digests agree, but this version cannot compare its journal")
             }
             Some(why) => writeln!(out, "{place}: {why}"),
-            None if whole => writeln!(out, "{place}: as written"),
+            None if whole && late.is_none() => writeln!(out, "{place}: as written"),
             None => Ok(()),
         };
         for problem in &found.problems {
@@ -116,7 +134,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
         bad += usize::from(!whole);
         newer += usize::from(whole && found.newer.is_some());
     }
-    let (whole, ended) = (folders.len() - bad - newer - running, folders.len() - running);
+    let (whole, ended) = (folders.len() - bad - newer - running - never_begun, folders.len() - running - never_begun);
     let _ = writeln!(out, "{whole} of {ended} runs are as written");
     if let Some(place) = &all {
         bad += along_the_chain(&place.path, &mut out).map_err(|error| store_refusal(&error))?;
@@ -141,7 +159,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.
 fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usize, StoreError> {
-    let chain::ChainCheck { runs, first, problems } = chain::verify(records)?;
+    let chain::ChainCheck { runs, first, problems, late } = chain::verify(records)?;
     if problems.is_empty() && runs > 0 {
         let elsewhere = if first > 1 {
             format!(" from run {first} on; earlier runs are not in this folder")
@@ -149,6 +167,11 @@ fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usiz
             String::new()
         };
         let _ = writeln!(out, "the chain of {runs} closed runs is whole{elsewhere}");
+    }
+    match late {
+        0 => {}
+        1 => drop(writeln!(out, "1 run of the chain was closed late and never counts as a pass")),
+        late => drop(writeln!(out, "{late} runs of the chain were closed late and never count as a pass")),
     }
     for problem in &problems {
         let _ = writeln!(out, "chain: {}", printable(problem));

@@ -11,6 +11,7 @@ use gnc_bench::service::{CheckedPlan, Equipment};
 use gnc_executive::bench::{BenchFile, BenchSite, OperatorHabit, ScannerSettings, TestSocket};
 use gnc_executive::event::{BenchInfo, BenchKind};
 use gnc_executive::job::BenchAbilities;
+use gnc_executive::numbers::NumberField;
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::{PlanAsked, Question, Standing};
 use gnc_link::Target;
@@ -57,6 +58,8 @@ pub(crate) struct CheckedBench {
     pub habits: BenchHabits,
     /// What the serial number of each module must match.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Numbers beside it that each run is asked for.
+    pub numbers: Vec<NumberField>,
     /// The scanner at a serial port, if there is one.
     pub scanner: Option<ScannerSettings>,
     /// Whether a person says that the clock is right.
@@ -151,6 +154,7 @@ impl CheckedBench {
                     fixture,
                     site: self.site.clone(),
                     serial_number: self.serial_number.clone(),
+                    numbers: self.numbers.clone(),
                     clock_is_right: self.clock_is_right,
                 };
                 Ok(Setup { equipment, simulation: None })
@@ -261,6 +265,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         clock_is_right: args.clock_is_right,
         kind: Kind::Real(Box::new(Lines { key: key(&file, path.parent())?, target, can })),
         serial_number: file.serial_number,
+        numbers: file.numbers,
         scanner: file.scanner,
         site: file.site,
     })

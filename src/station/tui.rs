@@ -12,7 +12,9 @@ mod lang;
 mod live;
 mod look;
 mod model;
+mod numbers;
 mod pending;
+mod prompt;
 mod records;
 mod scene;
 mod session;
@@ -78,7 +80,9 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
 
 fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusal> {
     let cannot = |error: io::Error| CommandRefusal::new(format!("cannot start the screen: {error}"), "");
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot)?;
+    let runtime = || tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot);
+    // The second one hears interrupts when the first one has ended.
+    let (runtime, ending) = (runtime()?, runtime()?);
     let signals = {
         let _inside = runtime.enter();
         Signals::new().map_err(cannot)?
@@ -107,13 +111,14 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
 
     let session = ScreenSession::new((args.clone(), plan), screen, commands, signals, live);
     let told = session.told();
-    let verdict = runtime.block_on(async {
+    let (verdict, mut signals) = runtime.block_on(async {
         let resizes = tokio::spawn(terminal::watch_size(resized_in));
-        let verdict = session.serve().await;
+        let served = session.serve().await;
         resizes.abort();
-        verdict
+        served
     });
-    // A read of records may still be under way; do not wait for it.
+    // What is still under way, as a read of records, is not waited for. As long as it could tell the screen something, the
+    // drawing thread would not end.
     runtime.shutdown_background();
     // The session has ended, so the drawing thread ends by itself, unless its terminal is blocked.
     match gone.recv_timeout(GIVE_BACK_WITHIN) {
@@ -122,7 +127,10 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
         Err(_) => drop(guard.give_back_modes()),
     }
     // The last verdicts are told while the terminal is the operator's again.
-    told.finish();
+    ending.block_on(told.finish(async {
+        // An interrupt from now on is meant for the hook.
+        signals.next().await;
+    }));
     Ok(verdict)
 }
 
@@ -152,6 +160,8 @@ fn first_model(
 ) -> ScreenModel {
     let (lang, look) = look::choose(&look::Environment::read(), args.lang);
     let mut model = ScreenModel::new(lang, look, clock.now());
+    model.numbers = numbers::Numbers::new(args.numbers.clone());
+    model.part = [&args.part, &args.revision].map(|text| text.clone().unwrap_or_default());
     model.operator = args.operator.clone().unwrap_or_default();
     model.plan_path = plan.map(|plan| plan.display().to_string()).unwrap_or_default();
     model.plan = Loaded::Loading;

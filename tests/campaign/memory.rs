@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use chrono::DateTime;
 use gnc_bench::control::RunControl;
-use gnc_bench::fixture::{Ask, Fixture, OperatorQuestion};
+use gnc_bench::fixture::{Ask, Fixture, OperatorQuestion, Reply};
 use gnc_bench::runner::Live;
 use gnc_bench::service;
 use gnc_link::Target;
@@ -259,14 +259,14 @@ impl<'a> World<'a> {
         let done = match question.ask {
             Ask::Switches(on) | Ask::SwitchesAgain { on, .. } => {
                 self.bench.only_switch(on);
-                true
+                Reply::Done
             }
             Ask::Heading { deg } => {
                 self.bench.set_heading_deg(deg);
-                true
+                Reply::Done
             }
             // The functional plan asks for no other action.
-            _ => false,
+            _ => Reply::NotPossible,
         };
         // An item that was stopped meanwhile no longer waits.
         let _ = question.answer.send(done);

@@ -41,8 +41,11 @@ pub(super) fn order(
     let request = RunRequest {
         plan: plan.map_err(|mistakes| said(&mistakes))?,
         serial_number: "T-1".to_owned(),
+        part: None,
+        numbers: Vec::new(),
         operator: None,
         selection: None,
+        answers: gnc_bench::questions::Answers::default(),
         program: ProgramVersion {
             name: env!("CARGO_PKG_NAME").to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -66,6 +69,7 @@ pub(super) fn order(
         fixture,
         site: file.site,
         serial_number: None,
+        numbers: Vec::new(),
         clock_is_right: false,
     };
     Ok(Ordered { request, equipment })

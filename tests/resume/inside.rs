@@ -37,8 +37,11 @@ pub(crate) fn request(plan: &str) -> RunRequest {
     RunRequest {
         plan: plan.and_then(CheckedPlan::new).unwrap_or_else(|mistakes| panic!("{mistakes}")),
         serial_number: "C-1".to_owned(),
+        part: None,
+        numbers: Vec::new(),
         operator: None,
         selection: None,
+        answers: gnc_bench::questions::Answers::default(),
         program: ProgramVersion { name: "resume".to_owned(), version: "0".to_owned(), build: None },
         on_fail: None,
         rounds: Rounds::Once,
@@ -122,6 +125,7 @@ impl Bench {
             fixture: Fixture::Driven(Arc::new(self.bench.control())),
             site: file.site,
             serial_number: None,
+            numbers: Vec::new(),
             clock_is_right: false,
         };
         let (live, control) = (Live::default(), RunControl::default());

@@ -130,6 +130,29 @@ fn a_program_that_does_not_work_is_told_and_changes_nothing() {
     }
 }
 
+/// Whoever leaves waits for a printer that hangs, unless ctrl-C says that this takes too long.
+#[test]
+fn an_interrupt_ends_the_wait_for_a_hook() {
+    let place = Place::new(STATION);
+    let board = mock("good");
+    place.write("p.toml", PLAN);
+    program(&place, "hangs.sh", "#!/bin/sh\n: > began\ntail -f /dev/null & wait\n");
+    let habits = "plan = \"p.toml\"\n[verdict]\nhook = [\"./hangs.sh\"]\nhook_time = \"10 min\"\n[socket]";
+    place.write("bench.toml", &board.bench_file("line-2").replace("[socket]", habits));
+    let mut terminal = open(&place, &[], 80, 24);
+    terminal.wait_for("short 1");
+    terminal.types(b"T-1\r");
+    terminal.wait_for("T-1: F5 starts the test.");
+    terminal.types(F5);
+    wait_for_file(place.path(), "began");
+    terminal.types(F10);
+    terminal.wait_until("the terminal is given back", |screen| !screen.alternate_screen());
+    terminal.types(b"\x03");
+    terminal.wait_for("was killed by ctrl-C; verdicts that it was not told or did not finish: 1");
+    let (status, restored) = terminal.end();
+    assert!(restored && status.code() == Some(0), "{status}");
+}
+
 /// Without a screen the same file names the operator, or the run is refused.
 #[test]
 fn a_bench_requires_an_operator_without_a_screen_too() {

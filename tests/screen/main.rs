@@ -4,6 +4,7 @@
 
 mod calibration;
 mod day;
+mod questions;
 mod scanner;
 mod start;
 mod terminal;
@@ -23,6 +24,7 @@ const F1: &[u8] = b"\x1bOP";
 const F2: &[u8] = b"\x1bOQ";
 const F4: &[u8] = b"\x1bOS";
 const F5: &[u8] = b"\x1b[15~";
+const F6: &[u8] = b"\x1b[17~";
 const F7: &[u8] = b"\x1b[18~";
 const F9: &[u8] = b"\x1b[20~";
 const F10: &[u8] = b"\x1b[21~";

@@ -429,7 +429,11 @@ fn traces_are_those_of_the_programs() {
         let before = ["six-position", "gyro-still", "rotation", "magnetometer-ellipse", "calibration-download"]
             .map(item)
             .concat();
-        let text = format!("name = \"p\"\nversion = \"1\"\n{before}{}name = \"it\"\n", item(id.as_str()));
+        let asks = match id {
+            ItemId::Prompt => "[[item.ask]]\nname = \"lid\"\nen = \"Close the lid.\"\nkind = \"done\"\n",
+            _ => "",
+        };
+        let text = format!("name = \"p\"\nversion = \"1\"\n{before}{}name = \"it\"\n{asks}", item(id.as_str()));
         let plan = Plan::read("p.toml", text.into_bytes(), &mut |_| Err("no include".into())).unwrap();
         let item = plan.items().last().unwrap();
         let Some(program) = program(id, &item.params).unwrap() else {

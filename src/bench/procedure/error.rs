@@ -5,6 +5,7 @@ use gnc_analysis::motion::watch::Spoilt;
 use gnc_board::BoardError;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::OtherModule;
+use gnc_executive::part::PartName;
 use gnc_executive::plan::ParamError;
 use gnc_link::can::CanOpenError;
 use gnc_metrology::sample_clock::ClockFault;
@@ -209,6 +210,8 @@ pub(crate) enum ProcedureError {
         was: String,
         /// The module now.
         is: String,
+        /// The scanned number and that of the module now, if they differ.
+        other: Option<OtherModule>,
     },
     /// The module in the socket has another serial number than was scanned.
     #[error(
@@ -216,6 +219,16 @@ pub(crate) enum ProcedureError {
         gnc_text::quoted(&.0.scanned), gnc_text::quoted(&.0.found)
     )]
     OtherModule(OtherModule),
+    /// The module is not the part that was asked for.
+    #[error(
+        "this is not the part that was asked for: part {asked} was asked for, and the module says that it is part {found}"
+    )]
+    OtherPart {
+        /// What was asked for.
+        asked: PartName,
+        /// What the module says.
+        found: PartName,
+    },
     /// This station has no procedure for the item.
     #[error("this station cannot run {item}: {why}")]
     CannotRun {
@@ -304,6 +317,9 @@ impl ProcedureError {
             }
             Self::OtherModule(_) => {
                 "put the scanned module into the socket, or scan the label of this one; nothing is said of either"
+            }
+            Self::OtherPart { .. } => {
+                "compare the label of the module with the part number that was given; nothing is said of the module"
             }
             Self::CannotRun { .. } => "take the item out of the plan or mark it optional",
             Self::TookTooLong { .. } => {

@@ -48,6 +48,11 @@ pub(crate) struct AttemptClock {
 }
 
 impl AttemptClock {
+    /// Stops the clock for the rest of the attempt.
+    pub(super) fn stand(&self) {
+        self.stands.set(true);
+    }
+
     /// Whether the clock stands.
     pub(crate) fn stands(&self) -> bool {
         self.stands.get()

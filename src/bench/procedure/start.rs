@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use gnc_board::BoardError;
 use gnc_executive::event::OtherModule;
+use gnc_executive::part::PartName;
 use gnc_protocol::FaultCode;
 use gnc_protocol::message::{Identity, IdentityReply};
 
@@ -19,6 +20,8 @@ const ASK_EVERY: Duration = Duration::from_millis(20);
 pub(crate) struct ModuleSeen {
     /// The number that was scanned.
     scanned: String,
+    /// The part that was asked for.
+    part: Option<PartName>,
     first: RefCell<Option<IdentityReply>>,
 }
 
@@ -29,28 +32,47 @@ impl ModuleSeen {
     }
 
     /// No module has said who it is yet.
-    pub(crate) fn scanned(serial_number: &str) -> Self {
-        Self { scanned: serial_number.to_owned(), first: RefCell::default() }
+    pub(crate) fn asked(serial_number: &str, part: Option<&PartName>) -> Self {
+        Self { scanned: serial_number.to_owned(), part: part.cloned(), first: RefCell::default() }
     }
 
-    /// Holds the first identity of the run against the scanned number, remembers it, and compares every later one with it.
+    /// What the module says that it is, if it has said so.
+    pub(crate) fn part(&self) -> Option<PartName> {
+        self.first.borrow().as_ref().map(part)
+    }
+
+    /// Holds the first identity of the run against the scanned number and the part that was asked for, remembers it, and compares every later one with it.
     /// `when` tells people when it came.
     ///
     /// # Errors
-    /// [`ProcedureError::OtherModule`]: this module was not scanned. [`ProcedureError::ModuleChanged`]: another module answers
+    /// [`ProcedureError::OtherModule`]: this module was not scanned. [`ProcedureError::OtherPart`]: it is another part. [`ProcedureError::ModuleChanged`]: another module answers
     /// than before.
     pub(crate) fn compare(&self, identity: &IdentityReply, when: impl Into<String>) -> Result<(), ProcedureError> {
         let mut first = self.first.borrow_mut();
-        if first.is_none() && identity.serial_number.as_str() != self.scanned {
-            let found = identity.serial_number.as_str().to_owned();
-            return Err(ProcedureError::OtherModule(OtherModule { scanned: self.scanned.clone(), found }));
+        let found = identity.serial_number.as_str();
+        let other =
+            (found != self.scanned).then(|| OtherModule { scanned: self.scanned.clone(), found: found.to_owned() });
+        let other = match other {
+            Some(other) if first.is_none() => return Err(ProcedureError::OtherModule(other)),
+            other => other,
+        };
+        let found = part(identity);
+        // A module that is exchanged later is told below, with both numbers.
+        if first.is_none()
+            && let Some(asked) = self.part.as_ref().filter(|asked| !found.is_asked_for_by(asked))
+        {
+            return Err(ProcedureError::OtherPart { asked: asked.clone(), found });
         }
         let first = first.get_or_insert_with(|| identity.clone());
         if first == identity {
             return Ok(());
         }
-        Err(ProcedureError::ModuleChanged { when: when.into(), was: name(first), is: name(identity) })
+        Err(ProcedureError::ModuleChanged { when: when.into(), was: name(first), is: name(identity), other })
     }
+}
+
+fn part(identity: &IdentityReply) -> PartName {
+    PartName::new(identity.part.as_str(), Some(identity.hardware.as_str()))
 }
 
 fn name(identity: &IdentityReply) -> String {

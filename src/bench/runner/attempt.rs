@@ -88,6 +88,7 @@ impl Run<'_> {
         let bench = ProcedureContext {
             board: lease,
             fixture: &self.order.fixture,
+            answers: &self.order.answers,
             site: self.order.site.as_ref(),
             can: self.order.can.as_ref(),
             module: &self.module,

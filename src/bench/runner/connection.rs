@@ -123,6 +123,7 @@ impl Run<'_> {
             calibration: has(capability::CALIBRATION),
         };
         let job = self.order.job.on_board(abilities)?;
+        self.board_can.set(Some(abilities));
         let _ = self.on_board.set(job);
         Ok(())
     }
@@ -177,10 +178,15 @@ impl Run<'_> {
         self.journal.emit(EventKind::Power(power)).await?;
         // Whose run it is comes before what is left of an earlier run of it.
         let same = self.is_same(lease).await;
-        if let Err(ProcedureError::OtherModule(other)) = &same {
-            self.journal.emit(EventKind::OtherModule(other.clone())).await?;
+        if let Err(error) = &same {
+            self.file_other_module(error).await?;
         }
-        let Err(text) = same.map_err(|other| told(&other, other.try_this())).and(fits) else { return Ok(true) };
+        if let Err(ProcedureError::OtherPart { .. }) = &same {
+            self.is_other_part.set(true);
+        }
+        let known = if same.is_ok() { self.choose_limits().await? } else { Ok(()) };
+        let same = same.map_err(|other| told(&other, other.try_this()));
+        let Err(text) = same.and(known).and(fits) else { return Ok(true) };
         self.note(NoteLevel::Error, text, item).await?;
         Ok(false)
     }
@@ -188,9 +194,9 @@ impl Run<'_> {
     /// Checks that the module in the socket is the one that was scanned, and that of earlier sessions of the run. If the module does not answer, the items
     /// find that.
     async fn is_same(&self, lease: &BoardLease<'_>) -> Result<(), ProcedureError> {
-        match timeout(OWN_CALL, lease.call(&Identity {})).await {
-            Ok(Ok(identity)) => self.module.compare(&identity, "after the power-on"),
-            Ok(Err(_)) | Err(_) => Ok(()),
+        match self.identity(lease).await {
+            Some(identity) => self.module.compare(&identity, "after the power-on"),
+            None => Ok(()),
         }
     }
 

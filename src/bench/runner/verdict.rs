@@ -38,8 +38,9 @@ pub(super) fn judge(
         | ProcedureError::CaptureLost { .. }
         // The module had another temperature in the earlier run, and that is no fault of it.
         | ProcedureError::OtherTemperature { .. }
-        // It is another module.
+        // It is another module, or one that other limits are for.
         | ProcedureError::OtherModule(_)
+        | ProcedureError::OtherPart { .. }
         // What the board says against the interface document says nothing either, and a value before it may be of the
         // same kind.
         | ProcedureError::Board(BoardError::Breach { .. } | BoardError::PowerLost) => Outcome::Errored,

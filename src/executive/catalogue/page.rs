@@ -45,11 +45,23 @@ fn section(page: &mut String, item: ItemId) -> std::fmt::Result {
         let (default, may_be) = values(param);
         writeln!(page, "| `{}` | {} | {default} | {may_be} |", param.name, param.about)?;
     }
+    if id_asks(item) {
+        writeln!(
+            page,
+            "\nThe plan names its questions, and each answer is a measurement: see [plans.md](plans.md#questions-to-the-operator)."
+        )?;
+        return Ok(());
+    }
     writeln!(page, "\n| measurement | in | out of its limit |\n| --- | --- | --- |")?;
     for measurement in spec.measurements {
         writeln!(page, "| `{}` | {} | {} |", measurement.name, kind(measurement), measurement.look_at)?;
     }
     Ok(())
+}
+
+/// Whether a plan names the measurements of an item.
+fn id_asks(item: ItemId) -> bool {
+    item == ItemId::Prompt
 }
 
 /// The default of a parameter, and its allowed values.

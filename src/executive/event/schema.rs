@@ -10,9 +10,11 @@ use crate::catalogue::ItemId;
 /// The schema of records, which holds the shared descriptions.
 const RUN_SCHEMA: &str = include_str!("../../../docs/run.schema.json");
 /// The shared descriptions.
-const SHARED: [&str; 12] = [
+const SHARED: [&str; 14] = [
     "outcome",
     "plan",
+    "part",
+    "numbers",
     "site",
     "recomputed",
     "program",
@@ -49,6 +51,10 @@ pub fn events_schema() -> Result<Value, serde_json::Error> {
         "$defs": defs
     }))
 }
+
+/// What names the question of a request.
+const QUESTION: &str =
+    "Name of the plan's question, or of the last one if all answers are looked over; absent for other requests.";
 
 /// A field of an event: its name, whether it is always there, and its schema.
 type Field = (&'static str, bool, Value);
@@ -166,6 +172,25 @@ fn kinds(run: &Value) -> Vec<(&'static str, &'static str, Vec<Field>)> {
                 ("found", true, text("The serial number that the module in the socket says.")),
             ],
         ),
+        (
+            "limits_chosen",
+            "The plan has limits by part number, and the station chose those for the module: at most once, before the first item.",
+            vec![
+                (
+                    "part",
+                    true,
+                    nullable_shared(
+                        "The table of the plan that counts, as the plan names it; null if only the limits of the items count.",
+                        "part",
+                    ),
+                ),
+                (
+                    "module",
+                    true,
+                    shared("part", "What the module says that it is, or what was asked for if it says nothing."),
+                ),
+            ],
+        ),
         ("power", "The module's supply was switched.", power()),
         ("item_started", "An attempt of an item begins.", of_attempt([])),
         (
@@ -207,12 +232,16 @@ fn kinds(run: &Value) -> Vec<(&'static str, &'static str, Vec<Field>)> {
         (
             "prompted",
             "The station asked a person to do something.",
-            vec![("item", true, whose()), ("text", true, text("What to do."))],
+            vec![("item", true, whose()), ("text", true, text("What to do.")), ("question", false, text(QUESTION))],
         ),
         (
             "answered",
             "The request was answered.",
-            vec![("item", true, whose()), ("answer", true, text("The answer; empty for a simple \"done\"."))],
+            vec![
+                ("item", true, whose()),
+                ("answer", true, text("The answer; empty for a simple \"done\".")),
+                ("question", false, text(QUESTION)),
+            ],
         ),
         (
             "note",
@@ -299,6 +328,12 @@ fn header() -> Value {
             json!({ "description": "Version of the form of all events of the run.", "enum": [EVENTS_SCHEMA, SELECTION_SCHEMA] }),
         ),
         ("serial_number", true, text("Serial number as scanned or typed in; it may hold any character.")),
+        (
+            "part",
+            false,
+            shared("part", "The part number that was asked for, with its revision if one was; absent if none was."),
+        ),
+        ("numbers", false, shared("numbers", "Numbers of orders, sub-units and others; absent if none were given.")),
         ("operator", true, nullable("Who tests; null if not given.", "string")),
         ("station", true, text("Id of the station.")),
         ("program", true, shared("program", "The program that runs the test.")),
@@ -316,7 +351,11 @@ fn header() -> Value {
 fn planned_item() -> Value {
     let fields = vec![
         ("name", true, text("Unique name in the plan.")),
-        ("id", true, json!({ "description": "Which item of the catalogue.", "enum": ItemId::ALL.map(ItemId::as_str) })),
+        (
+            "id",
+            true,
+            json!({ "description": "Which item of the catalogue.", "enum": ItemId::ALL.map(ItemId::as_str).to_vec() }),
+        ),
         ("title", true, text("Title for people.")),
         ("phase", true, json!({ "description": "Phase of the run.", "enum": ["setup", "test", "teardown"] })),
         ("optional", true, json!({ "description": "Whether the run is complete without it.", "type": "boolean" })),

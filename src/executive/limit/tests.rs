@@ -10,7 +10,7 @@ fn number(dimension: Dimension) -> MeasurementKind {
 fn range(text: &str, dimension: Dimension) -> Range {
     match Limit::parse(text, number(dimension)).unwrap() {
         Limit::Range(range) => range,
-        Limit::Text(_) => panic!("{text} is a text limit"),
+        Limit::Text(_) | Limit::OneOf(_) | Limit::Matches(_) => panic!("{text} is a text limit"),
     }
 }
 
@@ -245,7 +245,7 @@ proptest! {
         let near = bottom.is_some_and(|bottom| value - bottom < band) || top.is_some_and(|top| top - value < band);
         let judge = |limit: &Limit| match limit {
             Limit::Range(range) => range.judge(value as f64),
-            Limit::Text(_) => Outcome::Errored,
+            Limit::Text(_) | Limit::OneOf(_) | Limit::Matches(_) => Outcome::Errored,
         };
         prop_assert_eq!(judge(&limit), if inside { Outcome::Passed } else { Outcome::Failed });
         if let Ok(limit) = limit.with_marginal(&format!("{band} ms")) {

@@ -7,12 +7,14 @@ use gnc_config::{Mistake, Mistakes, SourceText, Span, TomlTable, Walk, did_you_m
 use gnc_text::{printable, quoted};
 
 use super::item::{self, NAME_CHARACTERS, RawItem, check_name};
+use super::part::{self, Known, RawTable};
 use super::resume::{self, ResumeRules};
 use super::{
     DEFAULT_VALID_DAYS, MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, MAX_REQUIRED_PLANS,
     MAX_VALID_DAYS, OnFail, Plan, PlanItem,
 };
 use crate::catalogue::ParamKind;
+use crate::numbers::{self, NumberField};
 use crate::serial_number::{self, SerialNumberPattern};
 
 /// Bytes of a path: the limit of most systems.
@@ -23,6 +25,7 @@ struct Reader<'l> {
     load: &'l mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
     sources: Vec<SourceText>,
     items: Vec<RawItem>,
+    parts: Vec<RawTable>,
     /// Whether an item or include could not be read; an unknown name may then be right.
     unreadable: bool,
     mistakes: Mistakes,
@@ -38,6 +41,8 @@ struct Head {
     valid_days: u32,
     resume: ResumeRules,
     serial_number: Option<SerialNumberPattern>,
+    requires_part: bool,
+    numbers: Vec<NumberField>,
 }
 
 /// Reads the plan, its includes first.
@@ -48,9 +53,16 @@ pub(super) fn read(
 ) -> Result<Plan, Mistakes> {
     let source = SourceText::new(name, bytes, MAX_PLAN_BYTES)?;
     let sources = vec![source];
-    let mut reader = Reader { load, sources, items: Vec::new(), unreadable: false, mistakes: Mistakes::default() };
+    let mut reader = Reader {
+        load,
+        sources,
+        items: Vec::new(),
+        parts: Vec::new(),
+        unreadable: false,
+        mistakes: Mistakes::default(),
+    };
     let head = reader.file(0, &mut vec![0])?;
-    let Reader { sources, items, unreadable, mut mistakes, .. } = reader;
+    let Reader { sources, items, parts, unreadable, mut mistakes, .. } = reader;
     if items.len() > MAX_ITEMS {
         let what = format!("the plan has {} items, and at most {MAX_ITEMS} are run", items.len());
         mistakes.add(|| Mistake::nowhere(what, "use repeats, or a loop over a shorter plan"));
@@ -59,7 +71,23 @@ pub(super) fn read(
         mistakes.add(|| Mistake::nowhere("the plan has no items", "begin each item with a line [[item]]"));
     }
     let items = link(items, &sources, unreadable, &mut mistakes);
-    let Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number } = head;
+    let Head {
+        name,
+        version,
+        description,
+        on_fail,
+        requires_plan,
+        valid_days,
+        resume,
+        serial_number,
+        requires_part,
+        numbers,
+    } = head;
+    if requires_part && parts.is_empty() && !unreadable {
+        let what = "the plan requires a part that it names, and names none";
+        mistakes.add(|| Mistake::nowhere(what, "name parts by [part.NAME.limits], or remove requires_part"));
+    }
+    let parts = part::link(parts, &items, &sources, requires_part, &mut mistakes);
     mistakes.or(Plan {
         name,
         version,
@@ -69,7 +97,10 @@ pub(super) fn read(
         valid_days,
         resume,
         serial_number,
+        requires_part,
+        numbers,
         items,
+        parts,
         sources,
     })
 }
@@ -86,11 +117,13 @@ impl Reader<'_> {
         let head = head(&walk, &root);
         let includes = root.texts("include");
         let tables = root.tables("item");
+        let has_parts = root.entry("part").is_some();
         if !root.has("item") && !root.has("include") {
             walk.mistake(root.span(), "the plan has no items", "begin each item with a line [[item]]");
         }
         let planned = tables.len();
-        let own: Vec<RawItem> = tables.into_iter().filter_map(|table| item::read(&walk, table, index)).collect();
+        let own: Vec<RawItem> =
+            tables.into_iter().filter_map(|table| item::read(&walk, table, (index, &source.name))).collect();
         self.unreadable |= own.len() < planned;
         root.finish();
         self.mistakes = walk.into_mistakes();
@@ -98,6 +131,14 @@ impl Reader<'_> {
             self.include(&source, include, span, chain)?;
         }
         self.items.extend(own);
+        if has_parts {
+            // Only now the items that the tables of parts name are known.
+            let walk = Walk::new(&source, std::mem::take(&mut self.mistakes));
+            let root = TomlTable::new(&walk, &tree, 0..0);
+            let known = Known { items: &self.items, unreadable: self.unreadable, source: index };
+            self.parts.extend(part::read(&walk, &root, &known));
+            self.mistakes = walk.into_mistakes();
+        }
         Ok(head)
     }
 
@@ -178,8 +219,21 @@ fn head(walk: &Walk<'_>, root: &TomlTable<'_, '_>) -> Head {
     let valid_days = u32::try_from(valid_days).unwrap_or(DEFAULT_VALID_DAYS);
     let resume = resume::read(root.table("resume"));
     let version = version.unwrap_or_default();
-    let serial_number = serial_number::pattern(root);
-    Head { name, version, description, on_fail, requires_plan, valid_days, resume, serial_number }
+    let serial_number = serial_number::pattern(root, "serial_number", "SN-[0-9]{4}");
+    let requires_part = root.flag("requires_part");
+    let numbers = numbers::read(root);
+    Head {
+        name,
+        version,
+        description,
+        on_fail,
+        requires_plan,
+        valid_days,
+        resume,
+        serial_number,
+        requires_part,
+        numbers,
+    }
 }
 
 /// Names of the plans that the module must have passed before the plan `name`.
@@ -226,10 +280,25 @@ fn link(mut raw: Vec<RawItem>, sources: &[SourceText], unreadable: bool, mistake
             }),
         }
     }
+    check_questions(&raw, sources, mistakes);
     let linker = Linker { raw: &raw, positions: &positions, sources, unreadable };
     let requires: Vec<Vec<usize>> = (0..raw.len()).map(|position| linker.requirements(position, mistakes)).collect();
     drop(positions);
     raw.into_iter().zip(requires).map(|(raw, requires)| PlanItem { requires, ..raw.item }).collect()
+}
+
+/// Refuses two questions of one name: an answer on the command line names its question alone.
+fn check_questions(raw: &[RawItem], sources: &[SourceText], mistakes: &mut Mistakes) {
+    let mut seen: HashMap<&str, ()> = HashMap::new();
+    for RawItem { item, question_spans, .. } in raw {
+        for (question, span) in item.questions.iter().zip(question_spans) {
+            if seen.insert(&question.name, ()).is_some() {
+                let what = format!("two questions have the name {}", quoted(&question.name));
+                let hint = "give one of them another name: answers are filed under it";
+                mistakes.add(|| sources[item.place.source].mistake(span.clone(), what, hint));
+            }
+        }
+    }
 }
 
 /// The data to find items by their names.
@@ -325,7 +394,7 @@ impl Linker<'_> {
 /// The name of an included file, relative to the folder of the file that includes it, without `.` and `..` inside.
 ///
 /// `None` for an absolute path: a folder of plans must work after it is moved.
-fn joined(by: &str, include: &str) -> Option<String> {
+pub(super) fn joined(by: &str, include: &str) -> Option<String> {
     let unfit = include.is_empty() || include.len() > PATH_BYTES || include.contains('\\');
     if unfit || include.starts_with('/') || include.chars().any(char::is_control) {
         return None;

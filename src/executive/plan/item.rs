@@ -1,9 +1,11 @@
 //! One `[[item]]` of a plan.
 
+use std::sync::Arc;
+
 use gnc_config::{Span, TomlTable, Walk, did_you_mean};
 use gnc_text::quoted;
 
-use super::{ItemPlace, Phase, PlanItem, limits, params};
+use super::{ItemPlace, Phase, PlanItem, limits, params, question};
 use crate::catalogue::{ItemId, ParamKind};
 use crate::quantity::{Dimension, quantity_at};
 use crate::uncertainty::Decision;
@@ -30,10 +32,12 @@ pub(super) struct RawItem {
     pub(super) requires: Vec<(String, Span)>,
     /// The item whose captures this item uses.
     pub(super) source: Option<(String, Span)>,
+    /// Where the names of its questions stand.
+    pub(super) question_spans: Vec<Span>,
 }
 
 /// Reads an item; `None` if its kind is unknown, since its other keys cannot be checked then.
-pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, source: usize) -> Option<RawItem> {
+pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, (source, plan): (usize, &str)) -> Option<RawItem> {
     let (id, id_span) = table.required_text("id", "write id = \"imu\", or another item of the table")?;
     let Some(id) = ItemId::from_id(id) else {
         let hint = did_you_mean(id, ItemId::ALL.iter().map(|item| item.as_str()), || {
@@ -71,12 +75,22 @@ pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, source: usize) -> 
         let span = written.as_ref()?.entry(param.name)?.span();
         Some((name.to_owned(), span))
     });
-    let limits = limits::read(walk, table.table("limits").as_ref(), id, &params);
+    let (limits, asked) = if id == ItemId::Prompt {
+        if let Some(entry) = table.entry("timeout") {
+            entry.key_mistake("a question has no time limit", "leave it out: the run waits as long as a person needs");
+        }
+        let asked = question::questions(walk, &table, (plan, &id_span));
+        (question::limits(walk, table.table("limits").as_ref(), &asked), asked)
+    } else {
+        (limits::read(walk, table.table("limits").as_ref(), id, &params), Vec::new())
+    };
     if limits.as_ref().is_some_and(Vec::is_empty) && phase == Phase::Test {
         let what = format!("{} has no limits, so the station could not judge it", quoted(name));
         walk.mistake(id_span.clone(), what, "write them below a line [item.limits]");
     }
     table.finish();
+    let (questions, question_spans) =
+        asked.into_iter().map(|asked| (Arc::new(asked.question), asked.name_span)).unzip();
     let item = PlanItem {
         name: name.to_owned(),
         id,
@@ -90,10 +104,11 @@ pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, source: usize) -> 
         decision,
         prompt,
         params,
+        questions,
         limits: limits.unwrap_or_default(),
         place: ItemPlace { source, start: id_span.start, end: id_span.end },
     };
-    Some(RawItem { item, name_span, requires, source: captures })
+    Some(RawItem { item, name_span, requires, source: captures, question_spans })
 }
 
 fn phase(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Phase {

@@ -1,5 +1,7 @@
 //! The `[item.limits]` of a plan.
 
+use std::borrow::Cow;
+
 use gnc_config::{Span, TomlEntry, TomlTable, Value, Walk, did_you_mean};
 use gnc_text::quoted;
 
@@ -40,7 +42,9 @@ pub(super) fn read(
         .measurements
         .iter()
         .zip(chosen)
-        .filter_map(|(measurement, chosen)| chosen.map(|(_, limit)| ItemLimit { measurement, limit }))
+        .filter_map(|(measurement, chosen)| {
+            chosen.map(|(_, limit)| ItemLimit { measurement: Cow::Borrowed(measurement.name), limit })
+        })
         .collect();
     (!refused || !limits.is_empty()).then_some(limits)
 }
@@ -74,7 +78,8 @@ fn one(
     }
     let written = written(entry)?;
     for (index, measurement) in on {
-        let limit = parse(walk, key, &written, measurement)?;
+        let limited = Limited { name: measurement.name, kind: measurement.kind, unit: measurement.unit };
+        let limit = parse(walk, key, &written, &limited)?;
         if chosen[index].as_ref().is_none_or(|(before, _)| *before <= exactness) {
             chosen[index] = Some((exactness, limit));
         }
@@ -82,7 +87,19 @@ fn one(
     Some(())
 }
 
-fn parse(walk: &Walk<'_>, key: &str, written: &Written<'_>, measurement: &MeasurementSpec) -> Option<Limit> {
+/// What is limited.
+pub(super) struct Limited<'a> {
+    pub(super) name: &'a str,
+    pub(super) kind: MeasurementKind,
+    pub(super) unit: Unit,
+}
+
+/// Reads the limit of a measurement that its key names exactly; `None` if it is refused.
+pub(super) fn limit_of(walk: &Walk<'_>, entry: &TomlEntry<'_, '_>, measurement: &Limited<'_>) -> Option<Limit> {
+    parse(walk, entry.key(), &written(entry)?, measurement)
+}
+
+fn parse(walk: &Walk<'_>, key: &str, written: &Written<'_>, measurement: &Limited<'_>) -> Option<Limit> {
     let refuse = |span: &Span, error: &LimitError| {
         // A pattern may match measurements that its writer did not think of.
         let what = if key == measurement.name {
@@ -101,7 +118,7 @@ fn parse(walk: &Walk<'_>, key: &str, written: &Written<'_>, measurement: &Measur
 }
 
 /// The hint of an error. For a missing unit it names the unit in which the measurement is usually shown.
-fn hint(error: &LimitError, measurement: &MeasurementSpec) -> String {
+fn hint(error: &LimitError, measurement: &Limited<'_>) -> String {
     match (error, measurement.kind) {
         (LimitError::MissingUnit { number, .. }, MeasurementKind::Number(_)) if measurement.unit != Unit::Count => {
             format!("write \"{number} {}\", if that is the unit you mean", measurement.unit)

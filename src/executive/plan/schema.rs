@@ -60,10 +60,68 @@ pub fn plan_schema() -> Value {
                 "description": "Days for which a pass of this plan, and of those that it requires, counts for a module.",
                 "type": "integer", "minimum": 1, "maximum": MAX_VALID_DAYS, "default": DEFAULT_VALID_DAYS
             },
+            "numbers": {
+                "description": "Numbers that are asked for beside the serial number, by their keys.",
+                "type": "object",
+                "propertyNames": { "pattern": "^[a-z0-9_-]{1,24}$" },
+                "additionalProperties": {
+                    "type": "object",
+                    "additionalProperties": false,
+                    "properties": {
+                        "kind": {
+                            "description": "order: it stays until it is changed. subunit: it is in one module only.",
+                            "enum": ["order", "subunit", "free"]
+                        },
+                        "label": {
+                            "description": "Its name for people, in all languages or for each.",
+                            "anyOf": [
+                                { "type": "string" },
+                                {
+                                    "type": "object",
+                                    "additionalProperties": false,
+                                    "properties": {
+                                        "en": { "type": "string" },
+                                        "zh": { "type": "string" },
+                                        "ru": { "type": "string" }
+                                    }
+                                }
+                            ]
+                        },
+                        "pattern": {
+                            "description": "A regular expression that the whole number matches.", "type": "string"
+                        },
+                        "required": { "description": "If true, no run begins without it.", "type": "boolean" }
+                    }
+                }
+            },
+            "requires_part": {
+                "description": "If true, the station refuses modules whose part number has no table.",
+                "type": "boolean"
+            },
+            "part": {
+                "description": "Limits for modules by the part number that they say, in place of the limits of the items.",
+                "type": "object",
+                "additionalProperties": {
+                    "type": "object",
+                    "additionalProperties": false,
+                    "properties": {
+                        "limits": { "$ref": "#/$defs/limits_of_part" },
+                        "revision": {
+                            "description": "Limits for modules with this hardware revision, in place of those of the part.",
+                            "type": "object",
+                            "additionalProperties": {
+                                "type": "object",
+                                "additionalProperties": false,
+                                "properties": { "limits": { "$ref": "#/$defs/limits_of_part" } }
+                            }
+                        }
+                    }
+                }
+            },
             "item": {
                 "description": "The items, in the order in which they run.",
                 "type": "array",
-                "items": { "oneOf": ItemId::ALL.map(item) }
+                "items": { "oneOf": ItemId::ALL.map(item).to_vec() }
             }
         },
         "$defs": {
@@ -72,6 +130,14 @@ pub fn plan_schema() -> Value {
                 "description": "<= Q, >= Q, Q .. Q, Q +- Q, Q +- N %, == text; Q is a number with its unit",
                 "type": "string",
                 "pattern": "^\\s*(<=|>=|==|.*\\.\\.|.*\\+-)"
+            },
+            "limits_of_part": {
+                "description": "The names of items, below each its measurements with their limits.",
+                "type": "object",
+                "additionalProperties": {
+                    "type": "object",
+                    "additionalProperties": { "$ref": "#/$defs/limit_or_band" }
+                }
             },
             "limit_or_band": {
                 "anyOf": [
@@ -96,7 +162,7 @@ pub fn plan_schema() -> Value {
 
 fn item(id: ItemId) -> Value {
     let spec = id.spec();
-    json!({
+    let mut schema = json!({
         "title": spec.title,
         "type": "object",
         "required": ["id"],
@@ -128,6 +194,49 @@ fn item(id: ItemId) -> Value {
             "prompt": { "description": "What the operator must do before the first attempt.", "type": "string" },
             "params": params(spec),
             "limits": limits(spec)
+        }
+    });
+    if id == ItemId::Prompt {
+        schema["required"] = json!(["id", "ask"]);
+        if let Some(properties) = schema["properties"].as_object_mut() {
+            properties.remove("timeout");
+            properties.insert("ask".to_owned(), questions());
+            let about = "Limits of the answers. Each key is the name of a question.";
+            let limit = json!({ "$ref": "#/$defs/limit_or_band" });
+            let limits = json!({ "description": about, "type": "object", "additionalProperties": limit });
+            properties.insert("limits".to_owned(), limits);
+        }
+    }
+    schema
+}
+
+/// The questions of an item that asks.
+fn questions() -> Value {
+    let text = |about: &str| json!({ "description": about, "type": "string" });
+    let texts = |about: &str| json!({ "description": about, "type": "array", "items": { "type": "string" } });
+    json!({
+        "description": "The questions, in the order in which they are asked.",
+        "type": "array",
+        "minItems": 1,
+        "items": {
+            "type": "object",
+            "required": ["name", "en", "kind"],
+            "additionalProperties": false,
+            "properties": {
+                "name": {
+                    "description": "Unique name in the plan. The answer is a measurement of this name.",
+                    "type": "string", "pattern": "^[a-z][a-z0-9_]{0,63}$"
+                },
+                "en": text("The question in English."),
+                "zh": text("The question in Chinese."),
+                "ru": text("The question in Russian."),
+                "kind": { "description": "What counts as an answer.", "enum": ["text", "number", "choice", "done"] },
+                "pattern": text("A regular expression that the whole text matches."),
+                "unit": text("The unit of the number, if the answer names none."),
+                "choices": texts("The choices."),
+                "good": texts("The choices that pass."),
+                "picture": text("Path of a picture, relative to this file.")
+            }
         }
     })
 }

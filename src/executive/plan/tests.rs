@@ -1,5 +1,6 @@
 mod includes;
 mod mistakes;
+mod parts;
 
 use std::collections::HashMap;
 

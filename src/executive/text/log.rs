@@ -59,6 +59,15 @@ fn head(out: &mut String, record: &RunRecord) {
     line("Serial number", &record.serial_number);
     let plan = &record.plan;
     line("Plan", &format!("{} {}, SHA-256 {}", plan.name, plan.version, plan.sha256));
+    if let Some(part) = &record.part {
+        line("Part asked", &part.to_string());
+    }
+    if let Some(limits) = &record.limits {
+        line("Limits", &limits.to_string());
+    }
+    for number in &record.numbers {
+        line("Number", &number.to_string());
+    }
     line("Station", &record.station);
     line("Operator", record.operator.as_deref().unwrap_or("not given"));
     line("Program", &record.program.to_string());

@@ -163,6 +163,9 @@ fn record(outcome: Outcome, items: Vec<ItemRecord>) -> RunRecord {
         verdict: Verdict::Module(outcome),
         interrupted: false,
         serial_number: "SN-\u{7}\"<1>".to_owned(),
+        part: None,
+        numbers: Vec::new(),
+        limits: None,
         plan: gnc_executive::event::PlanInfo {
             name: "functional".to_owned(),
             version: "1.0".to_owned(),

@@ -9,6 +9,7 @@ use gnc_executive::catalogue::processor::SUPPLY_VOLTAGE;
 use gnc_executive::catalogue::{ItemId, MeasurementSpec, TEMPERATURE, TEMPERATURE_DRIFT};
 use gnc_executive::event::BenchKind;
 use gnc_executive::measurement::Value;
+use gnc_executive::numbers::GivenNumber;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::quantity::Unit;
 use gnc_executive::record::{ItemRecord, RunRecord};
@@ -19,7 +20,8 @@ use nalgebra::Matrix3;
 use serde::Deserialize;
 
 use super::{
-    Alignment, Conditions, Gyro, Origin, Passport, PassportAccel, PassportBudget, PassportUncertainty, TempCoeff,
+    Alignment, Conditions, Gyro, Origin, Passport, PassportAccel, PassportBudget, PassportNumber, PassportUncertainty,
+    TempCoeff,
 };
 
 /// The items that a passport needs.
@@ -47,6 +49,9 @@ pub enum NoPassport {
     /// The run has no end event.
     #[error("the run was interrupted")]
     Interrupted,
+    /// The station ended before it had closed the run.
+    #[error("the run was closed late")]
+    ClosedLate,
     /// Some items were left out.
     #[error("only chosen items of the plan were run")]
     Selection,
@@ -123,8 +128,13 @@ fn origin(record: &RunRecord, record_sha256: &str) -> Origin {
         simulated: record.bench.kind == BenchKind::Simulated,
         recomputed_from: earlier(&record.recomputed),
         resumed_from: earlier(&record.resumed),
+        numbers: record.numbers.iter().map(number_of).collect(),
         record_sha256: record_sha256.to_owned(),
     }
+}
+
+fn number_of(number: &GivenNumber) -> PassportNumber {
+    PassportNumber { key: plain(&number.key), label: plain(&number.label), value: plain(&number.value) }
 }
 
 /// A text from outside in a form that both files of the passport can hold: XML has no control characters.

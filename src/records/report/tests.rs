@@ -26,6 +26,8 @@ fn record(serial_number: &str) -> RunRecord {
     let header = RunHeader {
         schema: EVENTS_SCHEMA.to_owned(),
         serial_number: serial_number.to_owned(),
+        part: None,
+        numbers: Vec::new(),
         operator: Some(HOSTILE.to_owned()),
         station: "line-2".to_owned(),
         program: ProgramVersion { name: "gnc-station".to_owned(), version: "0".to_owned(), build: None },
@@ -68,7 +70,7 @@ fn record(serial_number: &str) -> RunRecord {
 
 fn shown(record: &RunRecord, passport: &Result<Passport, NoPassport>, digests: &[(String, String)]) -> String {
     let mut out = Vec::new();
-    html(&mut out, record, passport, digests).expect("memory takes all");
+    html(&mut out, record, passport, digests, None).expect("memory takes all");
     String::from_utf8(out).expect("text")
 }
 

@@ -9,6 +9,7 @@ use gnc_executive::standing::PlanAsked;
 use serde_json::{Value, json};
 
 use super::*;
+use crate::store::chain::LateClose;
 use crate::store::digest::FileDigests;
 use crate::store::{DIGESTS, JOURNAL, RECORD, chain};
 
@@ -85,10 +86,14 @@ impl Shelf {
 
 /// Digests, then the chain.
 fn close(run: &Path) {
+    close_as(run, None);
+}
+
+fn close_as(run: &Path, late: Option<&LateClose>) {
     let mut sums = FileDigests::default();
     sums.add_new(run).expect("files");
     fs::write(run.join(DIGESTS), sums.text()).expect("digests");
-    chain::append(run).expect("a chain");
+    chain::append_as(run, late).expect("a chain");
 }
 
 const ENDED: &str = "2026-11-28T14:30:05+08:00";
@@ -187,6 +192,73 @@ fn how_its_record_is_kept_is_told() {
     assert!(shelf.standing_at(LATER).passes());
 }
 
+/// Closed late is no pass, like a record that is not in the chain. A change is told before that.
+#[test]
+fn a_run_that_was_closed_late_is_no_pass() {
+    let shelf = Shelf::new();
+    shelf.run("functional", "2026-11-28T14:00:05+08:00");
+    let late = |ended: &str, outcome: &str| {
+        let run = shelf.open("functional", ended, |record| record["outcome"] = outcome.into());
+        close_as(&run, Some(&LateClose::new(time(LATER), "gnc-station-1.3")));
+        run
+    };
+    let run = late(ENDED, "failed");
+    let standing = shelf.standing_at(LATER);
+    let words = "functional passed 2026-11-28 14:00; then functional failed 2026-11-28 14:30: closed late";
+    assert_eq!((standing.to_string().as_str(), standing.passes_beyond_doubt()), (words, false));
+    fs::remove_dir_all(run).expect("a run");
+    fs::remove_dir_all(shelf.path().join("2026-11-28/SN-1/140000-functional")).expect("a run");
+    let run = late("2026-11-28T14:40:05+08:00", "passed");
+    let standing = shelf.standing_at(LATER);
+    assert_eq!(
+        (standing.to_string().as_str(), standing.passes()),
+        ("functional passed 2026-11-28 14:40: closed late", false)
+    );
+    fs::write(run.join(RECORD), fs::read_to_string(run.join(RECORD)).expect("a record") + "\n").expect("a record");
+    assert_eq!(shelf.standing_at(LATER).to_string(), "functional passed 2026-11-28 14:40: record was changed");
+}
+
+/// A folder without an event says nothing against a module; one that the chain names and that was emptied does.
+#[test]
+fn a_run_that_was_never_begun_is_no_doubt() {
+    let shelf = Shelf::new();
+    shelf.run("functional", ENDED);
+    let begun = shelf.path().join("2026-11-28/SN-1/144000-functional");
+    fs::create_dir_all(begun.join("plan")).expect("a folder");
+    fs::write(begun.join("plan/01-functional.toml"), "name").expect("a plan");
+    fs::write(begun.join(JOURNAL), "{\"seq\":0,\"at\":\"20").expect("a journal");
+    let standing = shelf.standing_at(LATER);
+    assert_eq!(
+        (standing.to_string().as_str(), standing.passes_beyond_doubt()),
+        ("functional passed 2026-11-28 14:30", true)
+    );
+    let failed =
+        shelf.run_with("functional", "2026-11-28T14:50:00+08:00", |record| record["outcome"] = "failed".into());
+    for file in [RECORD, DIGESTS] {
+        fs::remove_file(failed.join(file)).expect("a file");
+    }
+    assert!(!shelf.standing_at(LATER).passes_beyond_doubt(), "{}", shelf.standing_at(LATER));
+}
+
+/// A list reads the chain of a day once, and a run is closed while it goes on.
+#[test]
+fn a_run_that_is_closed_during_a_list_is_in_the_chain() {
+    let shelf = Shelf::new();
+    let mut seals = Seals::new(shelf.path());
+    let first = shelf.run("functional", ENDED);
+    assert_eq!(seals.seal(&first).expect("a chain"), Seal::Chained);
+    let second = shelf.run("functional", "2026-11-28T14:40:00+08:00");
+    assert_eq!(seals.seal(&second).expect("a chain"), Seal::Chained);
+    // Its digests are there, its line is not yet, and its station holds the folder.
+    let third = shelf.open("functional", "2026-11-28T14:50:00+08:00", |_| {});
+    fs::write(third.join(DIGESTS), "").expect("digests");
+    let folder = File::open(&third).expect("a folder");
+    let held = nix::fcntl::Flock::lock(folder, nix::fcntl::FlockArg::LockExclusiveNonblock).expect("a lock");
+    assert_eq!(seals.seal(&third).expect("a chain"), Seal::Flawed(Flaw::UnderWay));
+    drop(held);
+    assert_eq!(seals.seal(&third).expect("a chain"), Seal::Flawed(Flaw::NotInChain));
+}
+
 /// A damaged record is told, with what its journal still says, or its folder.
 #[test]
 fn a_damaged_record_is_no_run_that_never_was() {
@@ -242,6 +314,39 @@ fn the_chain_tells_which_run_is_the_newest() {
     let standing = shelf.standing_at("2026-11-28T14:40:00+08:00");
     assert!(!standing.passes());
     assert!(standing.to_string().starts_with("functional failed 2026-11-28 14:25"), "{standing}");
+}
+
+/// The clock is set back after a pass, by an hour or by years, and the module fails: that came later, whatever the folders
+/// say. Where the failed run came first, and the clock was ahead then, nothing speaks against the pass.
+#[test]
+fn the_chain_tells_what_came_after_a_pass() {
+    let chosen = |record: &mut Value| {
+        (record["selection"], record["outcome"]) = (json!(["cpu"]), Value::Null);
+        record["selection_outcome"] = "failed".into();
+    };
+    for failed in ["2026-11-28T13:30:05+08:00", "2026-11-27T13:30:05+08:00", "2000-01-01T08:00:05+08:00"] {
+        let shelf = Shelf::new();
+        shelf.run("functional", ENDED);
+        shelf.run_with("functional", failed, chosen);
+        let standing = shelf.standing_at(LATER);
+        let words =
+            format!("functional passed 2026-11-28 14:30; then only cpu failed {}", failed[..16].replace('T', " "));
+        assert!(standing.to_string().starts_with(&words), "{standing}");
+        assert!(!standing.passes_beyond_doubt());
+    }
+    let shelf = Shelf::new();
+    shelf.run_with("functional", "2026-11-28T14:50:05+08:00", chosen);
+    shelf.run("functional", ENDED);
+    let standing = shelf.standing_at(LATER);
+    assert_eq!(
+        (standing.to_string().as_str(), standing.passes_beyond_doubt()),
+        ("functional passed 2026-11-28 14:30", true)
+    );
+    // What the chain does not name has the place of its folder.
+    shelf.open("functional", "2026-11-28T14:45:05+08:00", |record| record["outcome"] = "failed".into());
+    assert!(
+        shelf.standing_at(LATER).to_string().contains("; then functional failed 2026-11-28 14:45: record not closed")
+    );
 }
 
 /// What comes after a pass and is no pass is told beside it; what says nothing against it is not.

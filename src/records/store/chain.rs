@@ -7,9 +7,13 @@
 //! ```
 //!
 //! `DIGEST` is the SHA-256 of the run's `SHA256SUMS`, which covers all of its files. `LINK` is the SHA-256 of
-//! `NUMBER LINK-BEFORE DIGEST DATE/SERIAL/TIME-PLAN`, so that a changed line changes all links behind it. Numbers go on
+//! `NUMBER LINK-BEFORE DIGEST DATE/SERIAL/TIME-PLAN`, so that a changed line changes all links behind it. A run whose
+//! station ended before it was in the chain is closed late: its line goes on with ` late TIME PROGRAM`, which `LINK`
+//! covers too, so that nobody can take the mark away later. Numbers go on
 //! from day to day. `COUNTER` in the records folder holds the last number and link: it reveals a tail that was cut off.
 //! A person who can write all of these files can forge all of them: keep a copy of `COUNTER` in another place.
+
+mod entry;
 
 use std::collections::{HashMap, HashSet};
 use std::fs::{self, File, OpenOptions};
@@ -19,10 +23,11 @@ use std::time::{Duration, Instant};
 
 use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
-use sha2::{Digest as _, Sha256};
 
 use super::folder::sync_dir;
 use super::{DIGESTS, StoreError, digest, goes_on, on, reader};
+use entry::ChainEntry;
+pub use entry::LateClose;
 
 /// The file of the chain in a day's folder.
 pub(crate) const CHAIN: &str = "CHAIN";
@@ -38,45 +43,16 @@ const NEWEST_DAYS: usize = 3;
 /// Time between two looks at the lock.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
-/// A closed run in the chain.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct ChainEntry {
-    number: u64,
-    before: String,
-    digest: String,
-    link: String,
-    /// `DATE/SERIAL/TIME-PLAN`.
-    run: String,
-}
-
-impl ChainEntry {
-    fn new(number: u64, before: &str, digest: &str, run: &str) -> Self {
-        let link = digest::hexadecimal(&Sha256::digest(format!("{number} {before} {digest} {run}")));
-        Self { number, before: before.to_owned(), digest: digest.to_owned(), link, run: run.to_owned() }
-    }
-
-    fn line(&self) -> String {
-        format!("{} {} {} {} {}\n", self.number, self.before, self.digest, self.link, self.run)
-    }
-
-    /// `None` if the text is not a line of a chain.
-    fn parse(line: &str) -> Option<Self> {
-        let mut words = line.split(' ');
-        let mut word = || words.next().map(str::to_owned);
-        let (number, before, digest, link, run) = (word()?, word()?, word()?, word()?, word()?);
-        Some(Self { number: number.parse().ok()?, before, digest, link, run })
-    }
-
-    fn is_true(&self) -> bool {
-        Self::new(self.number, &self.before, &self.digest, &self.run).link == self.link
-    }
-}
-
 /// Appends a closed run to the chain. Its `SHA256SUMS` must be on disk.
 ///
 /// # Errors
 /// [`StoreError`]: the disk failed, or another station does not release the lock.
 pub(crate) fn append(run: &Path) -> Result<(), StoreError> {
+    append_as(run, None)
+}
+
+/// As [`append`], with the mark of a run that is closed late.
+pub(crate) fn append_as(run: &Path, late: Option<&LateClose>) -> Result<(), StoreError> {
     let mut above = run.ancestors().skip(2);
     let (Some(day), Some(records)) = (above.next(), above.next()) else {
         return on(Err(io::ErrorKind::NotFound.into()), "find the records folder of", run);
@@ -84,8 +60,8 @@ pub(crate) fn append(run: &Path) -> Result<(), StoreError> {
     let _lock = lock(records)?;
     let (number, before) = last(records)?;
     let digest = digest::of_file(&run.join(DIGESTS))?;
-    let name = run.strip_prefix(records).unwrap_or(run).to_string_lossy().into_owned();
-    let link = ChainEntry::new(number + 1, &before, &digest, &name);
+    let name = name_in(records, run);
+    let link = ChainEntry::new(number + 1, &before, &digest, &name, late.cloned());
     let path = day.join(CHAIN);
     let mut file = on(OpenOptions::new().create(true).append(true).open(&path), "write", &path)?;
     let whole = on(whole_lines(&path), "read", &path)?;
@@ -107,17 +83,77 @@ fn whole_lines(path: &Path) -> io::Result<u64> {
     Ok(text.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last as u64 + 1))
 }
 
-/// The closed runs among `runs` that are missing in the chain of the newest days, although they belong to these days.
+/// The closed runs among `runs` that are missing in the chains of their days.
 ///
 /// # Errors
-/// [`StoreError`]: the folder cannot be read.
+/// [`StoreError`]: a chain cannot be read.
 pub(super) fn unknown(records: &Path, runs: Vec<PathBuf>) -> Result<Vec<PathBuf>, StoreError> {
-    let days: Vec<PathBuf> =
-        reader::days(records)?.into_iter().rev().take(NEWEST_DAYS).map(|(day, _)| records.join(day)).collect();
-    let links: Vec<ChainEntry> = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.links).collect();
-    let known: HashSet<PathBuf> = links.into_iter().map(|link| records.join(link.run)).collect();
-    let is_new = |run: &PathBuf| days.iter().any(|day| run.starts_with(day)) && !known.contains(run);
-    Ok(runs.into_iter().filter(is_new).collect())
+    let mut days: HashMap<String, HashSet<String>> = HashMap::new();
+    let mut missing = Vec::new();
+    for run in runs {
+        let name = name_in(records, &run);
+        let day = name.split('/').next().unwrap_or_default();
+        if !days.contains_key(day) {
+            let links = chain_of(records, day)?.map(|chain| chain.links).unwrap_or_default();
+            days.insert(day.to_owned(), links.into_iter().map(|link| link.run).collect());
+        }
+        if !days.get(day).is_some_and(|known| known.contains(&name)) {
+            missing.push(run);
+        }
+    }
+    Ok(missing)
+}
+
+/// `DATE/SERIAL/TIME-PLAN` of a run.
+fn name_in(records: &Path, run: &Path) -> String {
+    run.strip_prefix(records).unwrap_or(run).to_string_lossy().into_owned()
+}
+
+/// The chain, as far as it tells whether a run may be closed late.
+pub(super) struct Before {
+    known: HashSet<String>,
+    /// Day and time of the first line; `None` if there is no line.
+    first: Option<(String, String)>,
+    /// Whether the last line is at least the one that the counter remembers. If it is not, lines were lost, and each of
+    /// them may be that of a run which looks as if it had none.
+    is_whole: bool,
+    /// Whether nothing was ever counted in this folder.
+    is_new: bool,
+}
+
+impl Before {
+    /// # Errors
+    /// [`StoreError`]: a chain or the counter cannot be read.
+    pub(super) fn read(records: &Path) -> Result<Self, StoreError> {
+        let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.links).collect();
+        let counted = counter(records)?;
+        let last = links.iter().map(|link| link.number).max().unwrap_or(0);
+        let first = links.iter().min_by_key(|link| link.number).map(|link| day_and_time(&link.run));
+        let first = first.map(|(day, time)| (day.to_owned(), time.to_owned()));
+        let is_whole = counted.as_ref().is_none_or(|(number, _)| last >= *number);
+        let is_new = counted.is_none() && links.is_empty();
+        Ok(Self { known: links.into_iter().map(|link| link.run).collect(), first, is_whole, is_new })
+    }
+
+    /// Whether nothing was ever counted in this folder: the run that ended is its first one, or the whole chain was lost.
+    pub(super) fn is_new(&self) -> bool {
+        self.is_new
+    }
+
+    /// Whether a run that ended may have missed its line by a sudden end of its station. A run from before the first line
+    /// may have lost its line with others, or is from before there was a chain.
+    pub(super) fn may_lack(&self, records: &Path, run: &Path) -> bool {
+        let name = name_in(records, run);
+        let is_later =
+            self.first.as_ref().is_none_or(|(day, time)| day_and_time(&name) >= (day.as_str(), time.as_str()));
+        self.is_whole && is_later && !self.known.contains(&name)
+    }
+}
+
+/// Day and time of a run by its name.
+fn day_and_time(run: &str) -> (&str, &str) {
+    let folder = run.rsplit('/').next().unwrap_or_default();
+    (run.split('/').next().unwrap_or_default(), folder.split('-').next().unwrap_or_default())
 }
 
 /// Takes the lock of the whole folder: only one station at a time.
@@ -186,12 +222,16 @@ fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, StoreError> {
 /// The chain of a day, if it has one.
 fn chain_of(records: &Path, day: &str) -> Result<Option<DayChain>, StoreError> {
     let path = records.join(day).join(CHAIN);
-    let text = match fs::read_to_string(&path) {
+    // After a power cut anything may stand behind the last whole line.
+    let text = match fs::read(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        read => on(read, "read", &path)?,
+        read => String::from_utf8_lossy(&on(read, "read", &path)?).into_owned(),
     };
-    let links: Vec<ChainEntry> = text.lines().filter_map(ChainEntry::parse).collect();
-    let broken = text.lines().count() - links.len();
+    // Half a line may look like a whole one with a shorter name, so a line counts with its end only.
+    let lines = || text.split_inclusive('\n');
+    let whole = lines().filter_map(|line| line.strip_suffix('\n'));
+    let links: Vec<ChainEntry> = whole.filter_map(ChainEntry::parse).collect();
+    let broken = lines().count() - links.len();
     Ok(Some(DayChain { path, links, broken }))
 }
 
@@ -203,11 +243,13 @@ pub(crate) struct DayLinks(HashMap<String, RunLink>);
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct RunLink {
     /// Its place in the order in which runs were closed.
-    number: u64,
+    pub(crate) number: u64,
     /// Digest of its list of digests.
     pub(crate) digest: String,
     /// Whether its line is as it was written, and the next line of the day follows from it.
     pub(crate) is_sound: bool,
+    /// When and by what the run was closed late, if it was.
+    pub(crate) late: Option<LateClose>,
 }
 
 impl DayLinks {
@@ -236,8 +278,8 @@ pub(crate) fn of_day(records: &Path, day: &str) -> Result<DayLinks, StoreError> 
     let sound: Vec<bool> = (0..chain.links.len()).map(|at| chain.links[at].is_true() && follows(at)).collect();
     let links = chain.links.into_iter().zip(sound);
     let links = links.map(|(link, is_sound)| {
-        let ChainEntry { number, digest, run, .. } = link;
-        (run, RunLink { number, digest, is_sound })
+        let ChainEntry { number, digest, run, late, .. } = link;
+        (run, RunLink { number, digest, is_sound, late })
     });
     Ok(DayLinks(links.collect()))
 }
@@ -251,6 +293,8 @@ pub struct ChainCheck {
     pub first: u64,
     /// What was changed, a sentence each.
     pub problems: Vec<String>,
+    /// Runs in the chain that were closed late.
+    pub late: usize,
 }
 
 /// Checks the chain from the first run to the last.
@@ -268,6 +312,7 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
     let mut links: Vec<ChainEntry> = chains.into_iter().flat_map(|day| day.links).collect();
     links.sort_by_key(|link| link.number);
     checked.runs = links.len();
+    checked.late = links.iter().filter(|link| link.late.is_some()).count();
     checked.first = links.first().map_or(0, |link| link.number);
     for pair in links.windows(2) {
         if pair[1].number != pair[0].number + 1 || pair[1].before != pair[0].link {
@@ -318,7 +363,7 @@ fn look_at(records: &Path, link: &ChainEntry, problems: &mut Vec<String>) {
 /// `DATE/SERIAL/TIME-PLAN` of all closed runs; of those that a station is closing now, none.
 fn closed(records: &Path) -> Result<Vec<String>, StoreError> {
     let closed = reader::paths(records)?.into_iter().filter(|run| reader::is_sealed(run) && !goes_on(run));
-    Ok(closed.map(|run| run.strip_prefix(records).unwrap_or(&run).to_string_lossy().into_owned()).collect())
+    Ok(closed.map(|run| name_in(records, &run)).collect())
 }
 
 /// Reports closed runs that the chain of their day does not contain. Days from before the chain existed have no chain.
@@ -326,7 +371,9 @@ fn slipped_in(closed: &[String], links: &[ChainEntry], problems: &mut Vec<String
     let known: HashSet<&str> = links.iter().map(|link| link.run.as_str()).collect();
     let Some(first_day) = links.iter().filter_map(|link| link.run.split('/').next()).min() else { return };
     for name in closed.iter().filter(|name| name.as_str() > first_day && !known.contains(name.as_str())) {
-        problems.push(format!("{name} was not closed by a station: it is not in the chain"));
+        problems.push(format!(
+            "{name} is not in the chain: its station ended before that and closes it late at its next start, or it was slipped in"
+        ));
     }
 }
 
@@ -337,6 +384,8 @@ pub enum ChainStanding {
     Held,
     /// It has the run with other digests, or its own line was changed.
     Other,
+    /// It has the run as it is now, and the run was closed late.
+    Late,
     /// It does not have the run.
     Missing,
     /// These records have no chain: a version before it made them.
@@ -355,7 +404,7 @@ pub fn standing(run: &Path) -> Result<ChainStanding, StoreError> {
         let counted = records.join(COUNTER).exists();
         return Ok(if counted { ChainStanding::Missing } else { ChainStanding::NoChain });
     }
-    let name = run.strip_prefix(records).unwrap_or(run).to_string_lossy().into_owned();
+    let name = name_in(records, run);
     let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.links).collect();
     let Some(link) = links.iter().find(|link| link.run == name) else { return Ok(ChainStanding::Missing) };
     // A line that was written anew with all that it says does not fit the next line, or the counter.
@@ -364,7 +413,37 @@ pub fn standing(run: &Path) -> Result<ChainStanding, StoreError> {
         None => counter(records)?.is_none_or(|(number, last)| number != link.number || last == link.link),
     };
     let is_same = digest::of_file(&run.join(DIGESTS))? == link.digest;
-    Ok(if is_same && link.is_true() && follows { ChainStanding::Held } else { ChainStanding::Other })
+    let is_held = is_same && link.is_true() && follows;
+    Ok(match (is_held, &link.late) {
+        (true, Some(_)) => ChainStanding::Late,
+        (true, None) => ChainStanding::Held,
+        (false, _) => ChainStanding::Other,
+    })
+}
+
+/// Tells which runs were closed late. It remembers the day of the run that was asked for last: ask in the order of days.
+#[derive(Debug, Default)]
+pub struct LateCloses {
+    day: Option<(PathBuf, DayLinks)>,
+}
+
+impl LateCloses {
+    /// When and by what a run was closed late; `None` if it was not.
+    ///
+    /// # Errors
+    /// The chain of its day cannot be read.
+    pub fn of(&mut self, run: &Path) -> Result<Option<LateClose>, StoreError> {
+        let run = &on(std::path::absolute(run), "find", run)?;
+        let mut above = run.ancestors().skip(2);
+        let (Some(day), Some(records)) = (above.next(), above.next()) else { return Ok(None) };
+        let links = match self.day.take().filter(|(known, _)| known == day) {
+            Some((_, links)) => links,
+            None => of_day(records, &day.strip_prefix(records).unwrap_or(day).to_string_lossy())?,
+        };
+        let late = links.find(&name_in(records, run)).and_then(|link| link.late.clone());
+        self.day = Some((day.to_owned(), links));
+        Ok(late)
+    }
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use std::sync::{Arc, OnceLock};
 use chrono::{DateTime, FixedOffset};
 use nix::fcntl::{Flock, FlockArg};
 
+use super::begun::was_never_begun;
 use super::{StationKey, StoreError, UNASSIGNED, name, on};
 
 /// Bound on the runs of one plan with one serial number in one second; more mean a loop out of control.
@@ -44,10 +45,24 @@ impl RunFolder {
         let name = format!("{}-{}", at.format("%H%M%S"), name::of_part(plan));
         let folder = Self::fresh(&day, &name)?;
         // The names of the new folders must survive a power cut as well.
-        for dir in [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten() {
-            sync_dir(dir)?;
+        let mut dirs = [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten();
+        let synced = dirs.try_for_each(sync_dir);
+        if synced.is_err() {
+            folder.withdraw();
         }
-        Ok(folder)
+        synced.map(|()| folder)
+    }
+
+    /// Takes away the folder of a run that could not begin, so that no half folder is left; its parents too, if they are
+    /// empty then. A folder that has an event stays. Where the disk refuses, readers name what is left.
+    pub fn withdraw(&self) {
+        let path = self.path();
+        if !was_never_begun(path) || fs::remove_dir_all(path).is_err() {
+            return;
+        }
+        // These fail where other runs are.
+        let parents = path.ancestors().skip(1).take(2);
+        let _ = parents.map(fs::remove_dir).take_while(Result::is_ok).count();
     }
 
     /// Creates a folder beside a run's, `RUN-WHAT`, with `-2`, `-3` if the name is taken.
@@ -234,5 +249,33 @@ mod tests {
         drop(folder);
         drop(held);
         assert_eq!(look(), (Found::Unreadable, false), "its station has died");
+    }
+
+    /// The station died, or its disk was full, before the first event. Nothing was tested, and nothing was changed.
+    #[test]
+    fn a_run_that_was_never_begun_is_named_and_taken_back() {
+        let records = tempfile::tempdir().unwrap();
+        let at = DateTime::parse_from_rfc3339("2026-11-28T12:00:00+08:00").unwrap();
+        for journal in [None, Some(&b""[..]), Some(&[0; 9]), Some(b"{\"seq\":0,\"at\":\"2026"), Some(b"{\"seq\":0}\n")]
+        {
+            let folder = RunFolder::create(records.path(), at, "SN", "functional").unwrap();
+            folder.put("plan/01-functional.toml", |out| out.write_all(b"name")).unwrap();
+            if let Some(journal) = journal {
+                folder.create_file(crate::store::JOURNAL).unwrap().write_all(journal).unwrap();
+            }
+            let path = folder.path().to_owned();
+            let is_begun = journal.is_some_and(|journal| journal.ends_with(b"\n"));
+            let again = folder.clone();
+            drop(folder);
+            drop(again);
+            let checked = reader::check(&path);
+            assert_eq!(checked.never_begun, !is_begun, "{journal:?}");
+            assert_eq!(checked.problems.is_empty(), !is_begun, "{:?}", checked.problems);
+            let told = reader::read(&path).unwrap_err().to_string();
+            assert_eq!(told.contains("nothing was tested"), !is_begun, "{told}");
+            RunFolder::existing(&path).withdraw();
+            assert_eq!(path.exists(), is_begun);
+            assert_eq!(records.path().join("2026-11-28").exists(), is_begun, "the folders of day and module go too");
+        }
     }
 }

@@ -11,6 +11,7 @@ use gnc_executive::plan::MAX_PLAN_FILES;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
+use super::begun::was_never_begun;
 use super::digest::FileDigests;
 use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, digest, goes_on, name, on};
 
@@ -44,6 +45,9 @@ pub enum ReadError {
     /// The run was cut off at its start.
     #[error("the journal holds no whole event: the run was cut off at its start")]
     Empty,
+    /// A station made the folder and ended before the first event.
+    #[error("the run was cut off at its start, before its first event: nothing was tested")]
+    NeverBegun,
     /// The plan folder of the run is empty.
     #[error("{PLAN}/ is empty")]
     NoPlan,
@@ -55,6 +59,7 @@ impl ReadError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Newer(_) => "read it with the version of the station that wrote it, or a later one",
+            Self::NeverBegun => "you can remove its folder; run the plan",
             Self::File { .. } | Self::TooLong { .. } | Self::Damaged(_) | Self::Empty | Self::NoPlan => {
                 "`gnc-station records list` shows the runs that are there"
             }
@@ -93,6 +98,8 @@ pub struct Verified {
     pub newer: Option<ReadError>,
     /// A station is writing the run now: it has no digests yet, and nothing is wrong with it.
     pub running: bool,
+    /// A station made the folder and ended before the first event: it holds nothing that could be wrong.
+    pub never_begun: bool,
 }
 
 /// A run found in the records folder.
@@ -348,7 +355,7 @@ pub fn is_sealed(folder: &Path) -> bool {
 }
 
 /// Day and name of a run's folder, as the order of runs.
-fn when(run: &Path) -> (String, String) {
+pub(crate) fn when(run: &Path) -> (String, String) {
     let day = run.ancestors().nth(2).map(name_of).unwrap_or_default();
     (day, name_of(run))
 }
@@ -380,6 +387,9 @@ pub fn read(folder: &Path) -> Result<RunRecord, ReadError> {
 /// # Errors
 /// [`ReadError`].
 pub fn fold(folder: &Path) -> Result<RunState, ReadError> {
+    if was_never_begun(folder) {
+        return Err(ReadError::NeverBegun);
+    }
     let bytes = journal_of(folder)?;
     journal::fold(&bytes).map(|journal| journal.state).map_err(ReadError::of_journal)
 }
@@ -435,8 +445,9 @@ fn journal_of(folder: &Path) -> Result<Vec<u8>, ReadError> {
 /// run of a later version this cannot be confirmed.
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
-    let Verified { mut problems, newer, running } = check(folder);
+    let Verified { mut problems, newer, running, never_begun } = check(folder);
     problems.extend(newer.map(|newer| newer.to_string()));
+    problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
     problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
     problems
 }
@@ -471,6 +482,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let (state, newer) = match fold(folder) {
         Ok(state) => (Some(state), None),
         Err(error) if error.is_newer() => (None, Some(error)),
+        Err(ReadError::NeverBegun) => return Ok(Verified { never_begun: true, ..Verified::default() }),
         Err(error) => return only(gnc_text::with_causes(&error)),
     };
     // The next start seals an interrupted run.
@@ -478,7 +490,9 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
         return only("interrupted: the run has no end, so it cannot be verified".into());
     }
     if !path.exists() {
-        let problem = format!("{DIGESTS} is missing: this run cannot be verified");
+        let problem = format!(
+            "ended and not closed, so it cannot be verified: {DIGESTS} is missing; if its station ended too early, its next start closes the run late"
+        );
         return Ok(Verified { problems: vec![problem], newer, ..Verified::default() });
     }
     let (sums, bad) = FileDigests::read(folder)?;

@@ -295,6 +295,6 @@ impl JournalFile {
 
     fn close_folder(&self) -> Result<(), StoreError> {
         let record = RunRecord::from_state(&self.state.lock().unwrap_or_else(PoisonError::into_inner));
-        closing::close(&self.folder, record.as_ref(), &[])
+        closing::close(&self.folder, record.as_ref(), &[], None)
     }
 }

@@ -125,6 +125,11 @@ impl Writer {
                     printable(&board.link)
                 ));
             }
+            EventKind::LimitsChosen(chosen) => self.say(&format!("limits: {chosen}")),
+            EventKind::Prompted { text, question: Some(_), .. } => {
+                self.say(&format!(">> {}", printable(text)));
+                self.ring();
+            }
             EventKind::Prompted { text, .. } if !self.answered_by_itself() => {
                 self.say(&format!(">> {} (n and Enter: not possible)", printable(text)));
                 self.ring();

@@ -147,6 +147,8 @@ fn header() -> RunHeader {
     RunHeader {
         schema: EVENTS_SCHEMA.to_owned(),
         serial_number: "BENCH".to_owned(),
+        part: None,
+        numbers: Vec::new(),
         operator: None,
         station: "bench".to_owned(),
         program: ProgramVersion { name: "own_cost".to_owned(), version: "0".to_owned(), build: None },

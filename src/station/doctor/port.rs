@@ -6,30 +6,35 @@ use std::path::Path;
 use gnc_link::serial::{self, OpenError};
 use nix::unistd::{AccessFlags, Gid, Group, access};
 
-use super::{Finding, Sys};
+use super::{Finding, Health, Sys};
 
 /// FTDI adapters keep a byte this long to fill a packet. The waits of the ICD allow for an adapter that waits a little.
 const LATENCY_MS: i64 = 2;
 
 pub(super) fn look(port: &Path, rate_baud: u32, sys: &Sys) -> Vec<Finding> {
+    let found = opens(port, rate_baud, "[socket] port");
+    let latency = latency(port, sys).filter(|_| found.health != Health::Bad);
+    [found].into_iter().chain(latency).collect()
+}
+
+/// Whether the port is there and opens; `key` is that of the bench file which names it.
+pub(super) fn opens(port: &Path, rate_baud: u32, key: &str) -> Finding {
     let shown = port.display();
     let Ok(meta) = std::fs::metadata(port) else {
         let what = format!("port {shown} is not there");
-        return vec![Finding::bad(what, "plug the adapter in; `gnc-station ports` lists the ports")];
+        return Finding::bad(what, "plug the adapter in; `gnc-station ports` lists the ports");
     };
     if !meta.file_type().is_char_device() {
-        let mend = "correct [socket] port in the bench file; `gnc-station ports` lists the ports";
-        return vec![Finding::bad(format!("{shown} is not a serial port"), mend)];
+        let mend = format!("correct {key} in the bench file; `gnc-station ports` lists the ports");
+        return Finding::bad(format!("{shown} is not a serial port"), mend);
     }
     if access(port, AccessFlags::R_OK | AccessFlags::W_OK).is_err() {
         let group = Group::from_gid(Gid::from_raw(meta.gid())).ok().flatten();
         let group = group.map_or_else(|| meta.gid().to_string(), |group| group.name);
         let what = format!("this user may not use port {shown}, which belongs to the group {group}");
-        return vec![Finding::bad(what, format!("sudo usermod -aG {group} $USER, then log in again"))];
+        return Finding::bad(what, format!("sudo usermod -aG {group} $USER, then log in again"));
     }
-    let mut findings = vec![opened(port, rate_baud)];
-    findings.extend(latency(port, sys));
-    findings
+    opened(port, rate_baud)
 }
 
 /// Opens the port as the station does and closes it again. This shows another program on the port, and a rate that the

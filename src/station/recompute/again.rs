@@ -9,12 +9,14 @@ use gnc_executive::details::Details;
 use gnc_executive::event::{AttemptError, EarlierRun, Event, EventKind, events_form};
 use gnc_executive::measurement::{Measurement, Value};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::part::LimitsChosen;
 use gnc_executive::plan::{Plan, PlanItem};
 use gnc_executive::verdict::Verdict;
 use gnc_records::store::captures;
 use gnc_text::with_causes;
 
 use super::differences::{of_details, of_measurements};
+use super::limits::{self, Judging};
 use super::source::{RecordedRun, RunError};
 use super::{fold, info};
 use crate::version;
@@ -51,6 +53,7 @@ impl Again {
 /// Judges all events of a run by a plan. `of` names the run if the plan is another one.
 pub(super) fn judge(run: &RecordedRun, plan: &Plan, of: Option<EarlierRun>) -> Result<Again, RunError> {
     check_items(run, plan)?;
+    let Judging { plan: judging, chosen } = limits::choose(run, plan, of.is_some())?;
     let again = Again {
         events: Vec::with_capacity(run.events.len()),
         verdict: Verdict::new(Outcome::Errored, run.header.selection.is_some()),
@@ -60,8 +63,17 @@ pub(super) fn judge(run: &RecordedRun, plan: &Plan, of: Option<EarlierRun>) -> R
         incomplete: 0,
     };
     let screened = of.is_some() || run.events.iter().any(measures_integrity);
-    let mut judge =
-        Judge { run, plan, of, again, details: BTreeMap::new(), attempts: BTreeMap::new(), over: Vec::new(), screened };
+    let mut judge = Judge {
+        run,
+        plan: &judging,
+        chosen,
+        of,
+        again,
+        details: BTreeMap::new(),
+        attempts: BTreeMap::new(),
+        over: Vec::new(),
+        screened,
+    };
     for event in &run.events {
         judge.take(event)?;
     }
@@ -90,6 +102,8 @@ fn check_items(run: &RecordedRun, plan: &Plan) -> Result<(), RunError> {
 struct Judge<'a> {
     run: &'a RecordedRun,
     plan: &'a Plan,
+    /// The limits of the plan that judge the module.
+    chosen: Option<LimitsChosen>,
     of: Option<EarlierRun>,
     again: Again,
     /// The newest details of each item. Later items may use them.
@@ -126,6 +140,14 @@ impl Judge<'_> {
                     header.program = version::program();
                 }
                 self.emit(event, EventKind::RunStarted { header, items: items.clone() });
+                if let Some(chosen) = self.chosen.clone().filter(|_| limits::chosen(self.run).is_none()) {
+                    self.emit(event, EventKind::LimitsChosen(chosen));
+                }
+            }
+            EventKind::LimitsChosen(_) => {
+                if let Some(chosen) = self.chosen.clone() {
+                    self.emit(event, EventKind::LimitsChosen(chosen));
+                }
             }
             EventKind::ItemStarted { item, attempt } => {
                 let recorded = Recorded { attempt: *attempt, over: self.over.len(), ..Recorded::default() };

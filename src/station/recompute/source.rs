@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gnc_executive::event::{Event, EventKind, RunHeader};
-use gnc_executive::plan::{ParamError, Plan};
+use gnc_executive::plan::{ParamError, PartNotNamed, Plan};
 use gnc_executive::state::OutOfOrder;
 use gnc_records::store::StoreError;
 use gnc_records::store::captures::CapturesError;
@@ -27,6 +27,8 @@ pub(super) enum RunError {
     #[error("the plan does not fit the run: {what}")]
     Unfit { what: String },
     #[error(transparent)]
+    Part(#[from] PartNotNamed),
+    #[error(transparent)]
     Captures(#[from] CapturesError),
     #[error(transparent)]
     Param(#[from] ParamError),
@@ -43,6 +45,7 @@ impl RunError {
             Self::OtherPlan => "restore the run's folder from a backup",
             Self::Plan { .. } => "",
             Self::Unfit { .. } => "give a plan with the same items under the same names; limits may differ",
+            Self::Part(error) => error.try_this(),
             Self::Captures(error) => error.source.try_this(),
             Self::Param(_) => "report this: the station should not have accepted the plan",
             Self::Store(error) => error.try_this(),

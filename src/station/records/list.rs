@@ -72,11 +72,19 @@ pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
     }
 }
 
+/// How the record of a closed run is kept; `None` for a run that is not closed.
+fn kept(found: &FoundRun, seals: &mut Seals<'_>) -> io::Result<Option<Seal>> {
+    let closed = found.state() == Found::Closed;
+    closed.then(|| seals.seal(&found.path)).transpose().map_err(io::Error::other)
+}
+
 fn as_json(mut out: impl Write, records: &Path, runs: impl Iterator<Item = FoundRun>) -> io::Result<()> {
     write!(out, "[")?;
+    let mut seals = Seals::new(records);
     for (index, found) in runs.enumerate() {
         writeln!(out, "{}", if index > 0 { "," } else { "" })?;
-        serde_json::to_writer(&mut out, &Line::of(&found, records))?;
+        let kept = kept(&found, &mut seals)?;
+        serde_json::to_writer(&mut out, &Line::of(&found, records, kept))?;
     }
     writeln!(out, "\n]")?;
     out.flush()
@@ -95,8 +103,7 @@ fn for_people(
         let line = match &found.run {
             Ok(run) => {
                 // The word for a run that is not closed stands before.
-                let closed = found.state() == Found::Closed;
-                let kept = if closed { seals.seal(&found.path).map_err(io::Error::other)? } else { Seal::Chained };
+                let kept = kept(&found, &mut seals)?.unwrap_or(Seal::Chained);
                 super::summary(word(&found), run, kept)
             }
             Err(_) if found.running => word(&found).to_owned(),

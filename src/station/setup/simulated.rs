@@ -52,6 +52,7 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
         text,
         habits: BenchHabits::default(),
         serial_number: file.serial_number,
+        numbers: file.numbers,
         scanner: file.scanner,
         clock_is_right: args.clock_is_right,
         site: file.site,
@@ -141,6 +142,7 @@ impl SimulatedModule {
             fixture: Fixture::Driven(Arc::new(running.control())),
             site: checked.site.clone(),
             serial_number: checked.serial_number.clone(),
+            numbers: checked.numbers.clone(),
             clock_is_right: checked.clock_is_right,
         };
         Ok(Setup { equipment, simulation: Some(running) })

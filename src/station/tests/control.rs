@@ -75,6 +75,8 @@ enum Fate {
     Shown,
     /// The face cannot show it.
     Unshown,
+    /// Its record cannot be opened.
+    Unwritable,
     /// Its folder is removed while it runs.
     Removed,
 }
@@ -89,6 +91,10 @@ impl Observer for Fated<'_> {
         let (fate, folder) = (self.fates.next().copied().unwrap_or(Fate::Shown), folder.path().to_owned());
         if fate == Fate::Unshown {
             return Err(std::io::Error::other("no thread"));
+        }
+        if fate == Fate::Unwritable {
+            // The plan cannot be filed in a file.
+            std::fs::write(folder.join("plan"), "")?;
         }
         Ok(Box::new(move |event| {
             if fate == Fate::Removed && matches!(event.kind, EventKind::ItemStarted { .. }) {
@@ -109,7 +115,8 @@ fn check_rounds(rounds: Rounds, on_fail: Option<OnFail>, limit: &str, fates: &[F
     );
     let request = RunRequest { rounds, on_fail, ..request(&plan) };
     let options = BenchOptions { speed: Speed::Max, ..BenchOptions::default() };
-    let done = serve(&request, &options, &RunControl::default(), Fated { fates: fates.iter() }).expect("one round");
+    let done =
+        serve(&request, &options, &RunControl::default(), Fated { fates: fates.iter() }, |_| {}).expect("one round");
     let refused = done.refused.as_ref().map(|error| gnc_text::with_causes(error)).unwrap_or_default();
     let ended: Vec<Option<Outcome>> = done.verdicts.iter().map(|verdict| verdict.of_module()).collect();
     let wanted: Vec<Option<Outcome>> = expected.0.iter().copied().map(Some).collect();
@@ -137,11 +144,13 @@ fn rounds_end_when_there_is_a_reason() {
 fn a_first_round_that_cannot_begin_is_refused() {
     let options = BenchOptions { speed: Speed::Max, ..BenchOptions::default() };
     let refused = |request: &RunRequest, fates: &[Fate]| {
-        let refused = serve(request, &options, &RunControl::default(), Fated { fates: fates.iter() });
+        let refused = serve(request, &options, &RunControl::default(), Fated { fates: fates.iter() }, |_| {});
         gnc_text::with_causes(&refused.expect_err("refused"))
     };
     let asked = request(PLAN);
     assert_eq!(refused(&asked, &[Fate::Unshown]), "cannot start: no thread");
+    let unwritable = refused(&asked, &[Fate::Unwritable]);
+    assert!(unwritable.starts_with("cannot create "), "{unwritable}");
     let unknown = RunRequest { selection: Some(vec!["cpo".to_owned()]), ..asked.clone() };
     assert!(refused(&unknown, &[]).contains("cpo"), "{}", refused(&unknown, &[]));
     let gone = RunRequest { resume: Some("records/gone".into()), ..asked };
@@ -159,7 +168,7 @@ fn a_clock_before_the_program_is_refused() {
     let program = ProgramVersion { build: Some(build), ..request(PLAN).program };
     let run = |began: &str| {
         let asked = RunRequest { began: Some(at(began)), program: program.clone(), ..request(PLAN) };
-        serve(&asked, &options, &RunControl::default(), Fated { fates: [].iter() })
+        serve(&asked, &options, &RunControl::default(), Fated { fates: [].iter() }, |_| {})
     };
     let refused = run("1970-01-01T00:01:00+00:00").expect_err("refused");
     let told = "the clock says 1970-01-01 00:01:00 +00:00, but the sources of this program are of 2026-11-28";

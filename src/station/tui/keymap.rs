@@ -45,6 +45,8 @@ pub(crate) enum KeyAction {
     Yes,
     /// No.
     No,
+    /// Answers the question before again.
+    Redo,
     /// Reads and checks the files that were changed.
     LoadNew,
     /// Runs the plan as it was checked.
@@ -104,8 +106,10 @@ pub(crate) enum KeyContext {
     Record,
     /// The form for plan, bench and rounds.
     Setup,
-    /// A question of the run.
+    /// A request of the run.
     Prompt,
+    /// A question of the plan, which has an answer in words.
+    Question,
     /// A question of the program.
     Confirm,
     /// The question what to do with files that were changed.
@@ -121,7 +125,7 @@ pub(crate) enum KeyContext {
 impl KeyContext {
     /// All places.
     #[cfg(test)]
-    pub(crate) const ALL: [KeyContext; 16] = [
+    pub(crate) const ALL: [KeyContext; 17] = [
         KeyContext::Idle,
         KeyContext::Running,
         KeyContext::Detail,
@@ -133,6 +137,7 @@ impl KeyContext {
         KeyContext::Record,
         KeyContext::Setup,
         KeyContext::Prompt,
+        KeyContext::Question,
         KeyContext::Confirm,
         KeyContext::Changed,
         KeyContext::Interrupted,
@@ -174,7 +179,8 @@ const LISTS: &[KeyContext] = &[
     KeyContext::Setup,
     KeyContext::Help,
 ];
-const RUN: &[KeyContext] = &[KeyContext::Running, KeyContext::LiveRunning, KeyContext::Watching, KeyContext::Prompt];
+const RUN: &[KeyContext] =
+    &[KeyContext::Running, KeyContext::LiveRunning, KeyContext::Watching, KeyContext::Prompt, KeyContext::Question];
 
 const BACK: &[KeyContext] = &[
     KeyContext::Idle,
@@ -213,13 +219,14 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(5), KeyAction::Reload, &[KeyContext::Records]),
     // A question is answered by a function key, since scanners send line ends. Not by F5: a second press of F5 must not
     // answer it.
-    shown(Key::F(2), KeyAction::Yes, &[KeyContext::Prompt, KeyContext::Confirm]),
+    shown(Key::F(2), KeyAction::Yes, &[KeyContext::Prompt, KeyContext::Question, KeyContext::Confirm]),
+    shown(Key::F(6), KeyAction::Redo, &[KeyContext::Question]),
     shown(Key::F(2), KeyAction::LoadNew, &[KeyContext::Changed]),
     shown(Key::F(6), KeyAction::RunChecked, &[KeyContext::Changed]),
     shown(Key::F(2), KeyAction::TakeUp, &[KeyContext::Interrupted]),
     shown(Key::F(6), KeyAction::FromStart, &[KeyContext::Interrupted]),
     // This ends the item that asks, as F7 does elsewhere. Esc does nothing here.
-    shown(Key::F(7), KeyAction::No, &[KeyContext::Prompt]),
+    shown(Key::F(7), KeyAction::No, &[KeyContext::Prompt, KeyContext::Question]),
     shown(
         Key::Esc,
         KeyAction::No,
@@ -240,7 +247,11 @@ pub(crate) const BINDINGS: &[Binding] = &[
     silent(Key::Ctrl('a'), KeyAction::TickAll, &[KeyContext::Idle]),
     shown(Key::F(9), KeyAction::NextPage, PAGES),
     shown(Key::F(10), KeyAction::Leave, PAGES),
-    silent(Key::F(10), KeyAction::Leave, &[KeyContext::Setup, KeyContext::Help, KeyContext::Prompt]),
+    silent(
+        Key::F(10),
+        KeyAction::Leave,
+        &[KeyContext::Setup, KeyContext::Help, KeyContext::Prompt, KeyContext::Question],
+    ),
     silent(Key::Ctrl('r'), KeyAction::Redraw, PAGES),
     silent(Key::Up, KeyAction::Up, LISTS),
     silent(Key::Down, KeyAction::Down, LISTS),
@@ -303,8 +314,15 @@ mod tests {
     /// A scanner sends line ends, Tab and control characters, so none of them answers a question of the station.
     #[test]
     fn no_scanner_answers_a_question() {
-        for place in [KeyContext::Prompt, KeyContext::Confirm, KeyContext::Changed, KeyContext::Interrupted] {
-            let does_something = |action| action != KeyAction::No || place == KeyContext::Prompt;
+        for place in [
+            KeyContext::Prompt,
+            KeyContext::Question,
+            KeyContext::Confirm,
+            KeyContext::Changed,
+            KeyContext::Interrupted,
+        ] {
+            let does_something =
+                |action| action != KeyAction::No || [KeyContext::Prompt, KeyContext::Question].contains(&place);
             for binding in bindings(place).filter(|binding| does_something(binding.action)) {
                 let stop = binding.key == Key::Ctrl('c') && binding.action == KeyAction::Stop;
                 assert!(matches!(binding.key, Key::F(_)) || stop, "{place:?}: {binding:?}");

@@ -19,6 +19,7 @@ use gnc_executive::verdict::Verdict;
 
 use super::keymap::KeyAction;
 pub use crate::args::Lang;
+pub(crate) use ask::answer_error;
 pub(crate) use standing::standing;
 
 impl Lang {
@@ -169,6 +170,13 @@ pub(crate) struct Texts {
     pub scan_too_long: &'static str,
     pub scan_control: &'static str,
     pub other_module: &'static str,
+    pub limits_of_part: &'static str,
+    pub limits_of_plan: &'static str,
+    pub setup_part: &'static str,
+    pub setup_revision: &'static str,
+    pub number_taken: &'static str,
+    pub number_needed: &'static str,
+    pub number_misfit: &'static str,
     pub scan_misfit: &'static str,
     pub scanner_lost: &'static str,
     pub scanner_back: &'static str,
@@ -222,6 +230,20 @@ pub(crate) struct Texts {
     pub done: &'static str,
     pub not_possible: &'static str,
     pub on_no: &'static str,
+    // Questions of the plan.
+    pub answer_typed: &'static str,
+    pub answer_takes: &'static str,
+    pub answer_key: &'static str,
+    pub first_question: &'static str,
+    pub answer_empty: &'static str,
+    pub answer_long: &'static str,
+    pub answer_control: &'static str,
+    pub answer_no_number: &'static str,
+    pub answer_comma: &'static str,
+    pub answer_large: &'static str,
+    pub answer_unit: &'static str,
+    pub answer_pattern: &'static str,
+    pub answer_no_choice: &'static str,
     pub on: &'static str,
     pub off: &'static str,
     // Setup.

@@ -6,13 +6,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset};
-use gnc_analysis::motion::{self, MotionStep};
-use gnc_bench::fixture::Ask;
+use gnc_analysis::motion::{self, MotionProgram, MotionStep};
 use gnc_bench::guidance::Guidance;
 use gnc_executive::catalogue::TEMPERATURE_DRIFT;
 use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::limit::Limit;
+use gnc_executive::numbers::{self, NumberField};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::plan::{Phase, PlanItem};
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::Standing;
@@ -20,10 +21,12 @@ use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
 
-use super::field::InputField;
+use super::field::{InputField, MAX_CHARACTERS};
 use super::keymap::KeyContext;
 use super::lang::{Lang, Texts};
+use super::numbers::Numbers;
 use super::pending::{Interrupted, PendingStart};
+pub(crate) use super::prompt::Prompt;
 use super::records::Records;
 use crate::files::ChangedFile;
 
@@ -114,6 +117,8 @@ pub(crate) struct BenchView {
     pub bell: bool,
     /// What serial numbers must match on this bench.
     pub serial_number: Option<SerialNumberPattern>,
+    /// Numbers beside it that each run on this bench is asked for.
+    pub numbers: Arc<[NumberField]>,
 }
 
 /// The operator, if the command line names none.
@@ -158,8 +163,41 @@ pub(crate) struct PlanView {
     pub part: Option<String>,
     /// What serial numbers must match for this plan.
     pub serial_number: Option<SerialNumberPattern>,
+    /// What depends on the module or is asked of the operator; shared, since the view travels in messages.
+    pub asks: Arc<PlanAsks>,
     /// Seconds that the last whole run took.
     pub expected_s: Option<f64>,
+}
+
+/// What a plan asks for beside the serial number, and what it limits by the part number.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct PlanAsks {
+    /// Numbers that each run of this plan is asked for.
+    pub numbers: Vec<NumberField>,
+    /// The parts that have limits of their own, and their revisions.
+    pub parts: Vec<PartName>,
+    /// The limits of temperature drifts for each of them.
+    pub drift_limits: Vec<DriftLimits>,
+}
+
+/// The limits of temperature drifts for a part.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct DriftLimits {
+    pub part: PartName,
+    /// By the names of items.
+    pub limits: Vec<(String, Option<Limit>)>,
+}
+
+impl PlanView {
+    /// The limit of the temperature's drift in an item by the limits that were chosen for the module.
+    pub(crate) fn drift_limit(&self, item: &str, chosen: Option<&LimitsChosen>) -> Option<&Limit> {
+        let part = chosen.and_then(|chosen| chosen.part.as_ref());
+        let limits = part.and_then(|part| self.asks.drift_limits.iter().find(|limits| limits.part == *part));
+        match limits {
+            Some(of_part) => of_part.limits.iter().find(|(name, _)| name == item)?.1.as_ref(),
+            None => self.programs.iter().find(|program| program.item == item)?.drift_limit.as_ref(),
+        }
+    }
 }
 
 /// The program of an item that captures, as far as it is known beforehand.
@@ -173,6 +211,8 @@ pub(crate) struct ProgramView {
     pub lays: usize,
     /// Bench time of all captures and pauses.
     pub span_s: f64,
+    /// Bench time of the captures that a resumed run makes anew although they are finished.
+    pub anew_s: f64,
     /// The limit of the temperature's drift, as the plan has it.
     pub drift_limit: Option<Limit>,
 }
@@ -183,8 +223,19 @@ impl ProgramView {
         let program = motion::program(item.id, &item.params).ok()??;
         let drift_limit = item.limit(TEMPERATURE_DRIFT.name).cloned();
         let captures = program.steps.iter().filter_map(MotionStep::about).count();
-        Some(Self { item: item.name.clone(), captures, lays: program.lays(), span_s: program.span_s(), drift_limit })
+        let (item, lays, span_s, anew_s) = (item.name.clone(), program.lays(), program.span_s(), anew_s(&program));
+        Some(Self { item, captures, lays, span_s, anew_s, drift_limit })
     }
+}
+
+/// What a stop would lose of a program whose steps are all over.
+fn anew_s(program: &MotionProgram) -> f64 {
+    let mut guidance = Guidance::new(program);
+    for step in &program.steps {
+        guidance.begin(step);
+        guidance.end(step);
+    }
+    guidance.lost_s()
 }
 
 /// How often a plan is run.
@@ -216,15 +267,6 @@ pub(crate) struct Progress {
     pub elapsed: Duration,
     /// The way through its captures, if it captures.
     pub guidance: Option<Arc<Guidance>>,
-}
-
-/// A question of the run.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Prompt {
-    pub item: String,
-    pub ask: Ask,
-    /// When it came, since the start of the program.
-    pub since: Duration,
 }
 
 /// How far a pause is.
@@ -329,6 +371,8 @@ impl RunView {
 #[derive(Debug, Default)]
 pub(crate) struct Scan {
     pub typed: InputField,
+    /// What a hand has typed while a question was open; the beginning of a scan may be among it.
+    pub unseen: String,
     /// `typed` is a scan without a line end.
     pub typed_by_scanner: bool,
     /// The scans of this scanner have a line end, so one without was cut off.
@@ -365,11 +409,17 @@ pub(crate) struct ScreenModel {
     pub message: Option<(MessageWeight, String)>,
     /// When the message came, since the start of the program.
     pub message_since: Duration,
+    /// Why the record of a run could not be written. It stays until a run is recorded again.
+    pub unrecorded: Option<String>,
     pub bench: Loaded<BenchView>,
     pub bench_path: String,
     pub plan: Loaded<PlanView>,
     pub plan_path: String,
     pub operator: String,
+    /// The part that modules must be, and its revision; empty: any.
+    pub part: [String; 2],
+    /// Numbers of orders, sub-units and others.
+    pub numbers: Numbers,
     pub rounds: RoundsSetting,
     pub after_failure: AfterFailure,
     pub scan: Scan,
@@ -401,6 +451,16 @@ pub(crate) struct ScreenModel {
     pub choices: super::setup_form::Choices,
 }
 
+impl Scan {
+    /// Keeps a character that was typed while a question was open, and forgets what no scan can reach back to.
+    pub(crate) fn keep_unseen(&mut self, character: char) {
+        self.unseen.push(character);
+        if self.unseen.chars().count() > MAX_CHARACTERS {
+            self.unseen.remove(0);
+        }
+    }
+}
+
 impl ScreenModel {
     pub(crate) fn new(lang: Lang, look: Look, now: Now) -> Self {
         Self {
@@ -412,11 +472,14 @@ impl ScreenModel {
             over: Vec::new(),
             message: look.poor.then(|| (MessageWeight::Warning, lang.texts().no_glyphs.to_owned())),
             message_since: now.since_start,
+            unrecorded: None,
             bench: Loaded::Loading,
             bench_path: String::new(),
             plan: Loaded::Loading,
             plan_path: String::new(),
             operator: String::new(),
+            part: Default::default(),
+            numbers: Numbers::default(),
             rounds: RoundsSetting::Once,
             after_failure: AfterFailure::AsPlanned,
             scan: Scan::default(),
@@ -438,9 +501,32 @@ impl ScreenModel {
         }
     }
 
+    /// The parts that have limits of their own, and their revisions.
+    pub(crate) fn parts(&self) -> &[PartName] {
+        self.plan.ready().map_or(&[], |plan| &plan.asks.parts)
+    }
+
+    /// The numbers that the bench asks for and those that the plan does, as far as these are known.
+    pub(crate) fn numbers_of_bench_and_plan(&self) -> (&[NumberField], &[NumberField]) {
+        let bench = self.bench.ready().map_or(&[][..], |bench| &bench.numbers);
+        (bench, self.plan.ready().map_or(&[][..], |plan| &plan.asks.numbers))
+    }
+
+    /// All of them, each once.
+    pub(crate) fn asked_numbers(&self) -> Vec<NumberField> {
+        let (bench, plan) = self.numbers_of_bench_and_plan();
+        numbers::asked(bench, plan).into_iter().cloned().collect()
+    }
+
     /// Whether a run is on.
     pub(crate) fn is_running(&self) -> bool {
         self.run.as_ref().is_some_and(|run| !run.over)
+    }
+
+    /// Whether what is typed or scanned is the answer to a question of the plan.
+    pub(crate) fn takes_words(&self) -> bool {
+        let prompt = self.run.as_ref().and_then(|run| run.prompt.as_ref());
+        self.place() == KeyContext::Question && prompt.is_some_and(Prompt::takes_words)
     }
 
     /// The context in which the next key is pressed.
@@ -455,7 +541,8 @@ impl ScreenModel {
             _ => {}
         }
         if self.run.as_ref().is_some_and(|run| run.prompt.is_some()) {
-            return KeyContext::Prompt;
+            let question = self.run.as_ref().and_then(|run| run.prompt.as_ref()).is_some_and(Prompt::has_answer);
+            return if question { KeyContext::Question } else { KeyContext::Prompt };
         }
         match (self.over.last(), self.page) {
             (Some(_), _) => KeyContext::Detail,
@@ -481,11 +568,18 @@ impl ScreenModel {
         progress.iter().find_map(|each| Some((each.item.as_str(), each.guidance.as_deref()?)))
     }
 
-    /// Bench time of the captures that a stop would lose.
+    /// Bench time of the captures that a stop would lose: those under way, and those of finished items that a resumed run
+    /// makes anew.
     pub(crate) fn lost_s(&self) -> f64 {
-        let run = self.run.as_ref().filter(|run| !run.over);
-        let guided = run.into_iter().flat_map(|run| &run.progress).filter_map(|each| each.guidance.as_deref());
-        guided.map(Guidance::lost_s).sum()
+        let Some(run) = self.run.as_ref().filter(|run| !run.over) else { return 0.0 };
+        let guided = run.progress.iter().filter_map(|each| each.guidance.as_deref());
+        let finished = |program: &&ProgramView| {
+            let row = run.state.row(&program.item);
+            row.is_some_and(|row| row.planned.selected && row.is_over() && !row.attempts.is_empty())
+        };
+        let programs = self.plan.ready().map_or(&[][..], |plan| &plan.programs);
+        let anew = programs.iter().filter(finished).map(|program| program.anew_s);
+        guided.map(Guidance::lost_s).chain(anew).sum()
     }
 
     /// The run that the page shows, if it shows one.
@@ -520,8 +614,13 @@ impl ScreenModel {
 
     /// Warns of something that no key caused. It does not replace an error, which matters more.
     pub(crate) fn mention(&mut self, text: impl Into<String>) {
+        self.say_aside(MessageWeight::Warning, text);
+    }
+
+    /// Tells something that no key caused, unless an error is on the screen.
+    pub(crate) fn say_aside(&mut self, weight: MessageWeight, text: impl Into<String>) {
         if !matches!(self.message, Some((MessageWeight::Error, _))) {
-            self.say(MessageWeight::Warning, text);
+            self.say(weight, text);
         }
     }
 

@@ -2,6 +2,7 @@
 
 mod captures;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset, TimeDelta};
@@ -60,6 +61,7 @@ impl Scene {
             operator_required: false,
             bell: false,
             serial_number: None,
+            numbers: Arc::default(),
         };
         let plan = PlanView {
             name: "functional".into(),
@@ -69,6 +71,7 @@ impl Scene {
             programs: Vec::new(),
             part: Some("GNC-POP-26".into()),
             serial_number: None,
+            asks: Arc::default(),
             expected_s: Some(4.8),
         };
         update(&mut model, Msg::Bench { path: "sim:good".into(), bench: Loaded::Ready(bench) });
@@ -366,6 +369,8 @@ fn header(serial_number: &str, plan: &str) -> RunHeader {
     RunHeader {
         schema: EVENTS_SCHEMA.into(),
         serial_number: serial_number.into(),
+        part: None,
+        numbers: Vec::new(),
         operator: Some("Zhang Wei".into()),
         station: "line-2".into(),
         program: ProgramVersion { name: "gnc-station".into(), version: "0.1.0".into(), build: None },
@@ -394,6 +399,8 @@ pub(crate) fn measured(name: &str, value: f64, outcome: Outcome) -> Measurement 
         uncertainty: None,
         decision: None,
         expected: None,
+        one_of: Vec::new(),
+        pattern: None,
         outcome: Some(outcome),
     }
 }

@@ -56,7 +56,8 @@ impl Signals {
         })
     }
 
-    async fn next(&mut self) -> &'static str {
+    /// Waits for the next signal and returns its name.
+    pub(crate) async fn next(&mut self) -> &'static str {
         tokio::select! {
             _ = self.interrupt.recv() => "SIGINT",
             _ = self.terminate.recv() => "SIGTERM",
@@ -126,8 +127,14 @@ impl ScreenSession {
         self.told.clone()
     }
 
-    /// Serves the screen until the operator leaves. Returns the verdict of a run that the end of the program stopped.
-    pub(crate) async fn serve(mut self) -> Option<Verdict> {
+    /// Serves the screen until the operator leaves. Returns the verdict of a run that the end of the program stopped, and
+    /// the signals, so that none is lost that comes afterwards.
+    pub(crate) async fn serve(mut self) -> (Option<Verdict>, Signals) {
+        let verdict = self.serve_to_end().await;
+        (verdict, self.signals)
+    }
+
+    async fn serve_to_end(&mut self) -> Option<Verdict> {
         let (ask, mut questions) = mpsc::channel::<OperatorQuestion>(QUESTIONS);
         let mut waiting: VecDeque<OperatorQuestion> = VecDeque::new();
         let mut running: Option<Running> = None;
@@ -178,9 +185,9 @@ impl ScreenSession {
                         ending = true;
                         stop(running.as_ref(), "the end of the terminal");
                     }
-                    Some(Effect::Answer(yes)) => {
+                    Some(Effect::Answer(reply)) => {
                         if let Some(question) = waiting.pop_front() {
-                            let _ = question.answer.send(yes);
+                            let _ = question.answer.send(reply);
                         }
                         self.show_question(&waiting);
                     }

@@ -1,9 +1,12 @@
 //! The form in which plan, bench, operator, rounds and language are chosen.
 
+use gnc_executive::numbers::NumberField;
+
 use super::decode::Key;
 use super::field::InputField;
 use super::lang::Lang;
 use super::model::{AfterFailure, RoundsSetting, ScreenModel};
+use super::numbers::label;
 
 /// Largest number of rounds or minutes that can be asked for: a month of minutes.
 pub(crate) const MAX_ROUNDS: u32 = 43_200;
@@ -21,20 +24,30 @@ pub(crate) enum FormLine {
     Plan,
     Bench,
     Operator,
+    /// The part that modules must be.
+    Part,
+    /// Its revision.
+    Revision,
+    /// One of the numbers that bench and plan ask for.
+    Number(usize),
     Rounds,
     AfterFailure,
     Language,
 }
 
-impl FormLine {
-    pub(crate) const ALL: [FormLine; 6] = [
-        FormLine::Plan,
-        FormLine::Bench,
-        FormLine::Operator,
-        FormLine::Rounds,
-        FormLine::AfterFailure,
-        FormLine::Language,
-    ];
+/// A number that bench and plan ask for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct FormNumber {
+    pub key: String,
+    pub label: String,
+    pub field: InputField,
+}
+
+impl FormNumber {
+    /// Whether the operator has written something else.
+    pub(crate) fn is_changed(&self, model: &ScreenModel) -> bool {
+        self.field.text().trim() != model.numbers.get(&self.key)
+    }
 }
 
 /// What limits the rounds.
@@ -52,6 +65,9 @@ pub(crate) struct Form {
     pub plan: InputField,
     pub bench: InputField,
     pub operator: InputField,
+    /// The part and its revision, if limits depend on them.
+    pub part: Option<[InputField; 2]>,
+    pub numbers: Vec<FormNumber>,
     pub rounds: RoundsKind,
     pub number: InputField,
     pub after_failure: AfterFailure,
@@ -73,6 +89,8 @@ impl Form {
             plan: InputField::new(&model.plan_path),
             bench: InputField::new(&model.bench_path),
             operator: InputField::new(&model.operator),
+            part: part_matters(model).then(|| model.part.each_ref().map(|text| InputField::new(text))),
+            numbers: model.asked_numbers().iter().map(|field| of_model(model, field)).collect(),
             rounds,
             number: InputField::new(&number.to_string()),
             after_failure: model.after_failure,
@@ -82,12 +100,22 @@ impl Form {
 
     /// The form with the cursor at a line.
     pub(crate) fn at(model: &ScreenModel, line: FormLine) -> Self {
-        let line = FormLine::ALL.iter().position(|each| *each == line).unwrap_or(0);
-        Self { line, ..Self::new(model) }
+        let form = Self::new(model);
+        let line = form.lines().iter().position(|each| *each == line).unwrap_or(0);
+        Self { line, ..form }
     }
 
     pub(crate) fn here(&self) -> FormLine {
-        FormLine::ALL[self.line.min(FormLine::ALL.len() - 1)]
+        self.lines().get(self.line).copied().unwrap_or(FormLine::Language)
+    }
+
+    /// All lines from top to bottom.
+    pub(crate) fn lines(&self) -> Vec<FormLine> {
+        let before = [FormLine::Plan, FormLine::Bench, FormLine::Operator];
+        let part = self.part.iter().flat_map(|_| [FormLine::Part, FormLine::Revision]);
+        let numbers = (0..self.numbers.len()).map(FormLine::Number);
+        let after = [FormLine::Rounds, FormLine::AfterFailure, FormLine::Language];
+        before.into_iter().chain(part).chain(numbers).chain(after).collect()
     }
 
     /// The rounds that were asked for; `None` if the number is not valid.
@@ -106,6 +134,9 @@ impl Form {
             FormLine::Plan => Some(&mut self.plan),
             FormLine::Bench => Some(&mut self.bench),
             FormLine::Operator => Some(&mut self.operator),
+            FormLine::Part => self.part.as_mut().map(|[part, _]| part),
+            FormLine::Revision => self.part.as_mut().map(|[_, revision]| revision),
+            FormLine::Number(index) => self.numbers.get_mut(index).map(|number| &mut number.field),
             FormLine::Rounds if self.rounds != RoundsKind::Once => Some(&mut self.number),
             FormLine::Rounds | FormLine::AfterFailure | FormLine::Language => None,
         }
@@ -130,7 +161,7 @@ impl Form {
         match self.here() {
             FormLine::Plan => next_text(&mut self.plan, &choices.plans, step),
             FormLine::Bench => next_text(&mut self.bench, &choices.benches, step),
-            FormLine::Operator => {}
+            FormLine::Operator | FormLine::Part | FormLine::Revision | FormLine::Number(_) => {}
             FormLine::Rounds => {
                 const ALL: [RoundsKind; 3] = [RoundsKind::Once, RoundsKind::Count, RoundsKind::Minutes];
                 self.rounds = next(&ALL, self.rounds, step);
@@ -142,6 +173,16 @@ impl Form {
             FormLine::Language => self.lang = next(&Lang::ALL, self.lang, step),
         }
     }
+}
+
+/// Whether the form asks for the part: limits depend on it, or one was named.
+fn part_matters(model: &ScreenModel) -> bool {
+    !model.parts().is_empty() || !model.part[0].is_empty()
+}
+
+fn of_model(model: &ScreenModel, field: &NumberField) -> FormNumber {
+    let (key, label) = (field.key.clone(), label(&field.label, model.lang).to_owned());
+    FormNumber { field: InputField::new(model.numbers.get(&key)), key, label }
 }
 
 fn next<T: Copy + PartialEq>(all: &[T], now: T, step: isize) -> T {

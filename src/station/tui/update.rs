@@ -1,13 +1,15 @@
 //! Applies messages to the model, and returns the effects that they ask for.
 
 mod keys;
+mod numbers;
+mod question;
 mod run;
 mod scan;
 mod start;
 
 use std::path::PathBuf;
 
-use gnc_bench::fixture::Ask;
+use gnc_bench::fixture::{Ask, Reply};
 use gnc_board::Readings;
 use gnc_executive::event::Event;
 use gnc_executive::standing::Standing;
@@ -120,7 +122,7 @@ pub(crate) enum Effect {
     Stop,
     Pause(bool),
     AbortItem(String),
-    Answer(bool),
+    Answer(Reply),
     Choose {
         plan: String,
         bench: String,
@@ -139,6 +141,10 @@ pub(crate) enum Effect {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct StartRequest {
     pub serial_number: String,
+    /// The part that the module must be, and its revision; empty: any.
+    pub part: [String; 2],
+    /// Numbers of orders, sub-units and others, by their keys.
+    pub numbers: Vec<(String, String)>,
     /// Digest of the plan that is shown.
     pub plan_sha256: String,
     /// The run that is taken up again.
@@ -156,9 +162,11 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         Msg::Key(key) => return keys::key(model, key),
         Msg::Scan(scanned) => return scan::scan(model, &scanned),
         Msg::ScannerLost { why } => {
-            model.say(MessageWeight::Warning, words(model.texts.scanner_lost, &[&why]));
+            model.mention(words(model.texts.scanner_lost, &[&why]));
         }
-        Msg::ScannerBack { port } => model.say(MessageWeight::Info, words(model.texts.scanner_back, &[&port])),
+        Msg::ScannerBack { port } => {
+            model.say_aside(MessageWeight::Info, words(model.texts.scanner_back, &[&port]));
+        }
         Msg::Event(event) => return run::event(model, &event),
         Msg::Progress(progress) => {
             if let Some(run) = &mut model.run {
@@ -234,7 +242,7 @@ fn take_operator(model: &mut ScreenModel) {
     let usual = model.bench.ready().and_then(|bench| bench.operator.clone());
     let Some(usual) = usual.filter(|_| model.operator.is_empty()) else { return };
     if usual.remembered {
-        model.say(MessageWeight::Info, words(model.texts.operator_remembered, &[&usual.name]));
+        model.say_aside(MessageWeight::Info, words(model.texts.operator_remembered, &[&usual.name]));
     }
     model.operator = usual.name;
 }

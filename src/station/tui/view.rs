@@ -66,9 +66,15 @@ fn too_small(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 }
 
 fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
-    let [head, body, message, foot] =
-        Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1), Constraint::Length(1)])
-            .areas(area);
+    let unrecorded = frame::unrecorded(model, area);
+    let [head, body, trouble, message, foot] = Layout::vertical([
+        Constraint::Length(1),
+        Constraint::Fill(1),
+        Constraint::Length(unrecorded.len() as u16),
+        Constraint::Length(1),
+        Constraint::Length(1),
+    ])
+    .areas(area);
     frame::head(model, frame, head);
     let small = frame.area().width < MIN_WIDTH || frame.area().height < MIN_HEIGHT;
     match (model.over.last(), model.page) {
@@ -94,11 +100,14 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         Some(Over::Help { .. } | Over::Setup(_)) => {}
         _ => dialog::prompt(model, frame, body),
     }
+    text::lines(frame, unrecorded, trouble);
     frame::message(model, frame, message);
     frame::foot(model, frame, foot);
 }
 
 #[cfg(test)]
 pub(in crate::tui) use big::has as can_draw;
+#[cfg(test)]
+pub(in crate::tui) use frame::key_label;
 #[cfg(test)]
 pub(in crate::tui) use text::width as text_width;

@@ -8,6 +8,8 @@ use super::*;
 use crate::event::{
     BoardBreach, BuildInfo, EarlierRun, Event, EventKind, Loop, OtherModule, ProgramVersion, RunHeader, StopHow,
 };
+use crate::numbers::{GivenNumber, NumberKind};
+use crate::part::{LimitsChosen, PartName};
 use crate::record::tests::problems;
 use crate::test_run::{header, small_run};
 
@@ -22,6 +24,13 @@ fn events() -> Vec<Value> {
         selection: Some(vec!["imu".to_owned()]),
         looped: Some(Loop { index: 1, count: None }),
         operator: None,
+        part: Some(PartName::new("A", Some("B"))),
+        numbers: vec![GivenNumber {
+            key: "order".to_owned(),
+            kind: NumberKind::Order,
+            label: "Order".to_owned(),
+            value: "1".to_owned(),
+        }],
         ..header()
     };
     let of_run = |header: RunHeader| {
@@ -31,8 +40,17 @@ fn events() -> Vec<Value> {
         let breach = BoardBreach { section: 9, what: "x".to_owned(), count: 2, worst: None, safety: false };
         for kind in [
             EventKind::StopRequested { how: StopHow::AtOnce, by: "SIGTERM".to_owned() },
-            EventKind::Prompted { item: None, text: "turn the module".to_owned() },
-            EventKind::Answered { item: Some("imu".to_owned()), answer: String::new() },
+            EventKind::Prompted { item: None, text: "turn the module".to_owned(), question: None },
+            EventKind::Answered {
+                item: Some("imu".to_owned()),
+                answer: String::new(),
+                question: Some("lid".to_owned()),
+            },
+            EventKind::LimitsChosen(LimitsChosen {
+                part: Some(PartName::new("A", None)),
+                module: PartName::new("A", Some("")),
+            }),
+            EventKind::LimitsChosen(LimitsChosen { part: None, module: PartName::new("A", None) }),
             EventKind::OtherModule(OtherModule { scanned: "A".to_owned(), found: "B".to_owned() }),
             EventKind::BoardRebooted { item: None, boot_id: "7".to_owned() },
             EventKind::BoardBreach(BoardBreach { worst: Some("3 ms".to_owned()), safety: true, ..breach.clone() }),

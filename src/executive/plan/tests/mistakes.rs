@@ -381,7 +381,7 @@ fn what_is_no_plan_at_all() {
     plan.toml:3:1: unknown key "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx…"
      3 | xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx
        | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
-       = try: the keys are description, include, item, name, on_fail, requires_plan, resume, serial_number, valid_days, version
+       = try: the keys are description, include, item, name, numbers, on_fail, part, requires_part, requires_plan, resume, serial_number, valid_days, version
 
     plan.toml:3:3007: unexpected key or value, expected newline, `#`
      3 | 1, 1, 1, 1, 1, 1, 1, 1, ], unexpected = 2

@@ -5,9 +5,11 @@ use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use gnc_executive::bench::ScannerSettings;
 use nix::fcntl::{FcntlArg, FdFlag, fcntl};
 
 use crate::doctor::holders::{Holder, Proc};
+use crate::doctor::{Health, scanner};
 
 /// A folder as the kernel shows a process, with the files that it has open.
 fn process(proc: &Path, number: u32, command: &str, open: &[&Path]) {
@@ -100,4 +102,59 @@ fn receivers_on_a_can_interface_are_counted() {
     fs::write(can.join("rcvlist_all"), two).expect("a file");
     let proc = Proc(folder.path().to_owned());
     assert_eq!(["can0", "can1", "can2"].map(|name| proc.can_receivers(name)), [2, 1, 0]);
+}
+
+/// The scanner's port is opened if nobody has it. Else its holder is named, and its modes stay as they are.
+#[test]
+fn the_port_of_the_scanner_is_looked_at() {
+    let (pty, port) = pseudo_terminal();
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = |port: &Path| ScannerSettings { port: port.display().to_string(), rate_bps: 9600 };
+    let look = |port: &Path, proc: &Path| scanner::look(&settings(port), &Proc(proc.to_owned()));
+    let modes = || nix::sys::termios::tcgetattr(&pty.slave).expect("modes").local_flags;
+    let before = modes();
+    for (number, command, health, told) in [
+        (77, "minicom\0", Health::Warning, "another program has the port, process 77 (minicom)"),
+        (
+            78,
+            "/opt/gnc-station\0--plan\0p.toml\0",
+            Health::Good,
+            "the station listens to it, process 78 (/opt/gnc-station",
+        ),
+    ] {
+        let proc = folder.path().join(number.to_string());
+        process(&proc, number, command, &[&port]);
+        let found = look(&port, &proc);
+        assert_eq!((found.len(), found[0].health), (1, health), "{}", found[0]);
+        assert!(found[0].what.contains(told) && found[0].what.contains("not opened"), "{}", found[0]);
+        assert_eq!(found[0].mend.is_empty(), health == Health::Good, "{}", found[0]);
+        assert_eq!(modes(), before, "the port was opened");
+    }
+    let nobody = folder.path().join("nobody");
+    let found = look(&port, &nobody);
+    assert_eq!(
+        (found[0].health, found[0].what.as_str()),
+        (Health::Good, format!("scanner at {}, 9600 bit/s", port.display()).as_str())
+    );
+    assert_ne!(modes(), before, "the port was not opened");
+    // Modules can be tested without a scanner.
+    let gone = look(Path::new("/dev/ttyNOWHERE"), &nobody);
+    assert_eq!(
+        (gone[0].health, gone[0].what.as_str()),
+        (Health::Warning, "scanner: port /dev/ttyNOWHERE is not there")
+    );
+    let file = look(&folder.path().join("77"), &nobody);
+    assert!(file[0].mend.starts_with("correct [scanner] port"), "{}", file[0]);
+}
+
+/// `doctor` looks at the scanner that the bench file names.
+#[test]
+fn a_bench_with_a_scanner_is_looked_at() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bench = folder.path().join("bench.toml");
+    let text = "[station]\nid = \"line-2\"\n[scanner]\nport = \"/dev/ttyNOWHERE\"\n";
+    fs::write(&bench, text).expect("a file");
+    let nobody = Proc(folder.path().join("nobody"));
+    let found = crate::doctor::look(Some(&bench), Some(folder.path()), &crate::doctor::Sys::default(), &nobody);
+    assert!(found.iter().any(|finding| finding.what == "scanner: port /dev/ttyNOWHERE is not there"), "{found:?}");
 }

@@ -1,12 +1,15 @@
 //! A run as the fields of a list. Names and meanings stay: programs of others read them.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 
 use chrono::{DateTime, FixedOffset, SecondsFormat};
 use gnc_executive::event::{BenchKind, OtherModule};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::standing::{Flaw, Seal};
 use gnc_executive::verdict::Verdict;
+use gnc_records::standing::Seals;
 use gnc_records::store::reader::FoundRun;
 use serde::Serialize;
 
@@ -42,6 +45,8 @@ pub(super) struct Line<'a> {
     operator: Option<&'a str>,
     simulated: Option<bool>,
     selection: Option<&'a [String]>,
+    /// Numbers of orders, sub-units and others, by their keys.
+    numbers: Option<BTreeMap<&'a str, &'a str>>,
     #[serde(rename = "loop")]
     looped: Option<u32>,
     recomputed: Option<&'a str>,
@@ -49,10 +54,23 @@ pub(super) struct Line<'a> {
     program_version: Option<&'a str>,
     program_commit: Option<&'a str>,
     error: Option<String>,
+    /// How the record of a closed run is kept, whatever the run says.
+    seal: Option<&'static str>,
+}
+
+/// The word of a list for how a record is kept; `None` while its station still closes it.
+fn seal_word(kept: Seal) -> Option<&'static str> {
+    match kept {
+        Seal::Chained => Some("held"),
+        Seal::Flawed(Flaw::NotInChain) => Some("not_in_chain"),
+        Seal::Flawed(Flaw::ClosedLate) => Some("closed_late"),
+        Seal::Flawed(Flaw::UnderWay | Flaw::NotClosed) => None,
+        Seal::Flawed(_) => Some("changed"),
+    }
 }
 
 impl<'a> Line<'a> {
-    pub(super) fn of(found: &'a FoundRun, records: &Path) -> Self {
+    pub(super) fn of(found: &'a FoundRun, records: &Path, kept: Option<Seal>) -> Self {
         let run = found.run.as_ref().ok();
         // A run at its very start has no whole event yet, which is no error.
         let error = found.run.as_ref().err().filter(|_| !found.running);
@@ -73,12 +91,16 @@ impl<'a> Line<'a> {
             operator: run.and_then(|run| run.operator.as_deref()),
             simulated: run.map(|run| run.bench.kind == BenchKind::Simulated),
             selection: run.and_then(|run| run.selection.as_deref()),
+            numbers: run
+                .filter(|run| !run.numbers.is_empty())
+                .map(|run| run.numbers.iter().map(|number| (number.key.as_str(), number.value.as_str())).collect()),
             looped: run.and_then(|run| run.looped).map(|looped| looped.index),
             recomputed: run.and_then(|run| run.recomputed.as_ref()).map(|earlier| earlier.run.as_str()),
             resumed: run.and_then(|run| run.resumed.as_ref()).map(|earlier| earlier.run.as_str()),
             program_version: run.map(|run| run.program.version.as_str()),
             program_commit: run.and_then(|run| run.program.build.as_ref()).map(|build| build.commit.as_str()),
             error: error.map(|error| gnc_text::with_causes(error)),
+            seal: kept.and_then(seal_word),
         }
     }
 
@@ -87,7 +109,7 @@ impl<'a> Line<'a> {
     }
 
     /// Each field with its name, in the order of the columns.
-    fn cells(&self) -> [(&'static str, String); 22] {
+    fn cells(&self) -> [(&'static str, String); 24] {
         let text = |text: Option<&str>| text.map(safe).unwrap_or_default();
         let outcome = |outcome: Option<Outcome>| outcome.map(Outcome::as_str).unwrap_or_default().to_owned();
         let time = |time: Option<DateTime<FixedOffset>>| {
@@ -110,14 +132,21 @@ impl<'a> Line<'a> {
             ("operator", text(self.operator)),
             ("simulated", self.simulated.map(|simulated| simulated.to_string()).unwrap_or_default()),
             ("selection", text(self.selection.map(|names| names.join(BETWEEN_NAMES)).as_deref())),
+            ("numbers", text(self.numbers.as_ref().map(together).as_deref())),
             ("loop", self.looped.map(|index| index.to_string()).unwrap_or_default()),
             ("recomputed", text(self.recomputed)),
             ("resumed", text(self.resumed)),
             ("program_version", text(self.program_version)),
             ("program_commit", text(self.program_commit)),
             ("error", text(self.error.as_deref())),
+            ("seal", self.seal.unwrap_or_default().to_owned()),
         ]
     }
+}
+
+/// All numbers of a run in one cell.
+fn together(numbers: &BTreeMap<&str, &str>) -> String {
+    numbers.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>().join(BETWEEN_NAMES)
 }
 
 /// Both numbers of a run whose module is not the one that was scanned.
@@ -129,8 +158,10 @@ fn both_numbers(other: &OtherModule) -> String {
 pub(super) fn csv(out: impl Write, records: &Path, runs: impl Iterator<Item = FoundRun>) -> io::Result<()> {
     let mut table = csv::Writer::from_writer(out);
     table.write_record(Line::default().cells().map(|(name, _)| name)).map_err(of_system)?;
+    let mut seals = Seals::new(records);
     for found in runs {
-        Line::of(&found, records).write(&mut table)?;
+        let kept = super::kept(&found, &mut seals)?;
+        Line::of(&found, records, kept).write(&mut table)?;
     }
     table.flush()
 }

@@ -15,14 +15,25 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
 use gnc_link::Target;
-use gnc_records::store::{RunFolder, Watcher};
-use hw_mocks::{BenchOptions, RunningBench};
+use gnc_records::store::{RunFolder, Watcher, reader, was_never_begun};
+use hw_mocks::{BenchControl, BenchOptions, RunningBench};
 
 /// Runs a plan once. `watch` sees every event and may ask for anything. Returns the run as it ended.
 pub(crate) fn run_plan(
     plan: &str,
     options: &BenchOptions,
     watch: impl Fn(&Event, &RunControl) + Send + 'static,
+) -> RunState {
+    run_request(&request(plan), options, watch, |_| {})
+}
+
+/// Carries out a request for one run. `watch` sees every event and may ask for anything, `started` hears of the bench
+/// before the run. Returns the run as it ended.
+pub(crate) fn run_request(
+    request: &RunRequest,
+    options: &BenchOptions,
+    watch: impl Fn(&Event, &RunControl) + Send + 'static,
+    started: impl FnOnce(BenchControl),
 ) -> RunState {
     let (told, events) = mpsc::sync_channel(1000);
     let control = RunControl::default();
@@ -35,7 +46,7 @@ pub(crate) fn run_plan(
         }
         state
     });
-    let done = serve(&request(plan), options, &control, Told { events: Some(told) });
+    let done = serve(request, options, &control, Told { events: Some(told) }, started);
     assert_eq!(done.expect("a run").verdicts.len(), 1);
     observer.join().expect("an observer")
 }
@@ -46,8 +57,11 @@ pub(crate) fn request(plan: &str) -> RunRequest {
     RunRequest {
         plan: plan.and_then(CheckedPlan::new).unwrap_or_else(|mistakes| panic!("{mistakes}")),
         serial_number: "SN".to_owned(),
+        part: None,
+        numbers: Vec::new(),
         operator: None,
         selection: None,
+        answers: gnc_bench::questions::Answers::default(),
         program: ProgramVersion { name: "control".to_owned(), version: "0".to_owned(), build: None },
         on_fail: None,
         rounds: Rounds::Once,
@@ -59,12 +73,13 @@ pub(crate) fn request(plan: &str) -> RunRequest {
 }
 
 /// Carries out a request on a simulated bench with a driven turntable, and leaves the module without
-/// power. The records are thrown away.
+/// power. The records are thrown away. `started` hears of the bench before the run.
 pub(crate) fn serve(
     request: &RunRequest,
     options: &BenchOptions,
     control: &RunControl,
     mut observer: impl Observer,
+    started: impl FnOnce(BenchControl),
 ) -> Result<RunsDone, ServiceError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
@@ -72,6 +87,7 @@ pub(crate) fn serve(
         let serial_number = options.serial_number.clone().or_else(|| Some(request.serial_number.clone()));
         let options = &BenchOptions { serial_number, ..options.clone() };
         let bench = RunningBench::start(options).expect("a simulated bench");
+        started(bench.control());
         let file = BenchFile::read("bench.toml", hw_mocks::BENCH_FILE.into()).expect("the bench's file");
         let records = tempfile::tempdir().expect("a folder");
         let equipment = Equipment {
@@ -85,10 +101,14 @@ pub(crate) fn serve(
             fixture: Fixture::Driven(Arc::new(bench.control())),
             site: file.site,
             serial_number: None,
+            numbers: Vec::new(),
             clock_is_right: false,
         };
         let done = service::run(request, equipment, control, &Live::default(), &mut observer).await;
         assert!(!bench.control().truth().expect("a bench").powered, "the module is left under power");
+        for run in reader::paths(records.path()).unwrap_or_default() {
+            assert!(!was_never_begun(&run), "a round that could not begin left {}", run.display());
+        }
         done
     })
 }

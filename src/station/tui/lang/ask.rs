@@ -1,7 +1,8 @@
 //! Requests to the operator in a language that is not the station's own. In English the screen shows the text of the log.
 
 use gnc_analysis::motion::GYRO_RANGE_DPS;
-use gnc_bench::fixture::{Ask, SwitchReading, TakenOver, about_axis, turn_rates};
+use gnc_bench::fixture::{Ask, QuestionAsked, SwitchReading, TakenOver, about_axis, numbered, turn_rates};
+use gnc_executive::plan::{AnswerError, QuestionKind, QuestionWords};
 use gnc_rig::Orientation;
 
 use super::{Texts, fill};
@@ -26,6 +27,16 @@ pub(super) struct AskTexts {
     pub enter_turned: &'static str,
     pub enter_at_rate: &'static str,
     pub enter_still: &'static str,
+    /// The plan's own words in this language, if it has them.
+    pub own_words: fn(&QuestionWords) -> Option<&str>,
+    pub number: &'static str,
+    pub number_in: &'static str,
+    pub text: &'static str,
+    pub limit: &'static str,
+    pub picture: &'static str,
+    pub look_over: &'static str,
+    pub enter_typed: &'static str,
+    pub enter_right: &'static str,
     /// What stands between two sentences.
     pub between: &'static str,
 }
@@ -65,6 +76,11 @@ impl AskTexts {
             }
             Ask::StopTable => self.stop.to_owned(),
             Ask::Words(words) => gnc_text::printable(words).into_owned(),
+            Ask::Question(asked) => self.question(asked),
+            Ask::LookOver(answers) => {
+                let each = answers.iter().map(|(name, answer)| format!("{name}: {}.", gnc_text::printable(answer)));
+                [vec![self.look_over.to_owned()], each.collect()].concat().join(self.between)
+            }
             Ask::Resumed { over, next } => {
                 let names = |captures: &[String]| gnc_text::printable(&TakenOver::names(captures)).into_owned();
                 let taken = fill(self.taken_over, &[&names(&over.taken)]);
@@ -72,6 +88,26 @@ impl AskTexts {
                 [taken, left, self.action(texts, next)].join(self.between)
             }
         }
+    }
+
+    fn question(&self, asked: &QuestionAsked) -> String {
+        let question = &asked.question;
+        let shown = |text: &str| gnc_text::printable(text).into_owned();
+        let mut parts = vec![shown((self.own_words)(&question.words).unwrap_or(&question.words.en))];
+        match &question.kind {
+            QuestionKind::Number { unit } if unit.symbol().is_empty() => parts.push(self.number.to_owned()),
+            QuestionKind::Number { unit } => parts.push(fill(self.number_in, &[unit.symbol()])),
+            QuestionKind::Text { .. } => parts.push(self.text.to_owned()),
+            QuestionKind::Choice { of } => parts.push(format!("{}.", shown(&numbered(of)))),
+            QuestionKind::Done => {}
+        }
+        if let Some(limit) = asked.limit.as_ref().filter(|_| question.kind != QuestionKind::Done) {
+            parts.push(fill(self.limit, &[limit]));
+        }
+        if let Some(path) = &question.picture {
+            parts.push(fill(self.picture, &[&shown(path)]));
+        }
+        parts.join(self.between)
     }
 
     fn reading(&self, reading: &SwitchReading) -> String {
@@ -86,11 +122,34 @@ impl AskTexts {
     fn when_done(&self, ask: &Ask) -> &'static str {
         match ask {
             Ask::Switches(_) | Ask::SwitchesAgain { .. } | Ask::Heading { .. } | Ask::Words(_) => self.enter_done,
+            Ask::Question(asked) if asked.question.kind == QuestionKind::Done => self.enter_done,
+            Ask::Question(_) => self.enter_typed,
+            Ask::LookOver(_) => self.enter_right,
             Ask::Lay(_) => self.enter_lies,
             Ask::Turn { .. } => self.enter_turned,
             Ask::Spin { .. } => self.enter_at_rate,
             Ask::StopTable => self.enter_still,
             Ask::Resumed { next, .. } => self.when_done(next),
         }
+    }
+}
+
+/// Why an answer is none.
+pub(crate) fn answer_error(texts: &Texts, error: &AnswerError) -> String {
+    let shown = |text: &str| gnc_text::printable(text).into_owned();
+    match error {
+        AnswerError::Empty | AnswerError::NotDone { .. } => texts.answer_empty.to_owned(),
+        AnswerError::TooLong { characters } => fill(texts.answer_long, &[&characters.to_string()]),
+        AnswerError::Control => texts.answer_control.to_owned(),
+        AnswerError::NotANumber { text } => fill(texts.answer_no_number, &[&shown(text)]),
+        AnswerError::Ambiguous { text } => {
+            let (point, none) = (text.replace(',', "."), text.replace(',', ""));
+            fill(texts.answer_comma, &[&shown(text), &shown(&point), &shown(&none)])
+        }
+        AnswerError::TooLarge { text } => fill(texts.answer_large, &[&shown(text)]),
+        AnswerError::Unit { text, unit } if unit.symbol().is_empty() => fill(texts.answer_no_number, &[&shown(text)]),
+        AnswerError::Unit { text, unit } => fill(texts.answer_unit, &[&shown(text), unit.symbol()]),
+        AnswerError::Pattern { text, pattern } => fill(texts.answer_pattern, &[&shown(text), &shown(pattern)]),
+        AnswerError::NoChoice { text, of } => fill(texts.answer_no_choice, &[&shown(text), &shown(&of.join(", "))]),
     }
 }

@@ -21,6 +21,7 @@ pub(super) fn item_title(item: ItemId) -> &'static str {
         ItemId::Sci => "Эхо SCI (RS-422)",
         ItemId::Can => "Эхо CAN",
         ItemId::PowerCycle => "Включения питания",
+        ItemId::Prompt => "Вопросы оператору",
         ItemId::SixPosition => "Калибровка в шести положениях",
         ItemId::GyroStill => "Гироскопы в покое",
         ItemId::Rotation => "Гироскопы на поворотах",

@@ -178,6 +178,7 @@ fn the_standing_is_the_same_on_every_face() {
         Flaw::NotClosed,
         Flaw::Interrupted,
         Flaw::NotInChain,
+        Flaw::ClosedLate,
         Flaw::Changed,
         Flaw::Simulated,
         Flaw::Rejudged,

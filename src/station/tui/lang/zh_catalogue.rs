@@ -21,6 +21,7 @@ pub(super) fn item_title(item: ItemId) -> &'static str {
         ItemId::Sci => "SCI（RS-422）回环",
         ItemId::Can => "CAN 回环",
         ItemId::PowerCycle => "循环上电",
+        ItemId::Prompt => "询问操作员",
         ItemId::SixPosition => "六位置标定",
         ItemId::GyroStill => "陀螺静态标定",
         ItemId::Rotation => "陀螺转动标定",

@@ -89,6 +89,7 @@ impl Scene {
             programs: plan.items().iter().filter_map(ProgramView::of).collect(),
             part: Some("GNC-POP-26".into()),
             serial_number: None,
+            asks: std::sync::Arc::default(),
             expected_s: None,
         };
         let path = "test-plans/calibration.toml".into();

@@ -8,6 +8,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_records::store;
+use gnc_records::store::head::RunHead;
 use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::with_causes;
 
@@ -117,7 +118,8 @@ fn unopened(error: &ReadError) -> Unopened {
 }
 
 pub(super) fn verify(path: PathBuf) -> Msg {
-    let Verified { mut problems, newer, running } = reader::check(&path);
+    let Verified { mut problems, newer, running, never_begun } = reader::check(&path);
+    problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
     problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
     let newer = newer.as_ref().and_then(ReadError::unknown).map(ToString::to_string);
     Msg::Verified { path, checked: Checked { problems, newer } }
@@ -131,15 +133,33 @@ pub(super) fn refold(folder: PathBuf) -> Msg {
 
 /// Seconds that the newest good and whole run of this plan took on this kind of bench.
 pub(super) fn last_whole_run_s(records: &Path, plan_sha256: &str, kind: BenchKind) -> Option<f64> {
-    let newest = reader::newest(records, MAX_LOOKED_AT);
-    newest
-        .filter_map(|path| reader::read(&path).ok())
-        .find(|run| {
-            run.plan.sha256 == plan_sha256
-                && run.bench.kind == kind
-                && run.recomputed.is_none()
-                && !run.interrupted
-                && run.verdict.passes_module()
-        })
-        .map(|run| run.elapsed_s)
+    let newest = reader::newest(records, MAX_LOOKED_AT).filter_map(|path| RunHead::read(&path));
+    let mut good = newest.filter(|run| run.verdict.passes_module() && run.bench == kind && !run.rejudged);
+    good.find(|run| run.plan_sha256 == plan_sha256).map(|run| run.elapsed_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Only the head of each record is read: here is no journal, and the items are no JSON.
+    #[test]
+    fn the_time_of_a_plan_takes_no_whole_record() {
+        let records = tempfile::tempdir().expect("a folder");
+        let run = |time: &str, sha256: &str, outcome: &str, elapsed_s: f64| {
+            let run = records.path().join(format!("2026-11-28/SN-1/{time}-functional"));
+            std::fs::create_dir_all(&run).expect("a folder");
+            let head = format!(
+                "{{\n  \"outcome\": \"{outcome}\",\n  \"interrupted\": false,\n  \"plan\": {{ \"name\": \"functional\", \
+                 \"version\": \"1\", \"sha256\": \"{sha256}\" }},\n  \"bench\": {{ \"kind\": \"real\" }},\n  \"selection\": null,\n  \
+                 \"elapsed_s\": {elapsed_s},\n  \"items\": [ and no more"
+            );
+            std::fs::write(run.join("run.json"), head).expect("a record");
+        };
+        run("100000", "aa", "passed", 60.5);
+        run("110000", "aa", "failed", 1.5);
+        run("120000", "bb", "passed", 2.5);
+        assert_eq!(last_whole_run_s(records.path(), "aa", BenchKind::Real), Some(60.5));
+        assert_eq!(last_whole_run_s(records.path(), "aa", BenchKind::Simulated), None);
+    }
 }

@@ -7,6 +7,8 @@ use gnc_bench::service::CheckedPlan;
 use gnc_executive::catalogue::processor::PART;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
+use gnc_executive::part::PartName;
+use gnc_executive::plan::Plan;
 use gnc_records::shift::last_operator;
 
 use super::{archive, told};
@@ -14,7 +16,7 @@ use crate::args::RunArgs;
 use crate::files::{self, ChangedFile};
 use crate::refusal::CommandRefusal;
 use crate::setup::{self, BENCH_FILE, CheckedBench};
-use crate::tui::model::{BenchView, PlanView, ProgramView, UsualOperator};
+use crate::tui::model::{BenchView, DriftLimits, PlanAsks, PlanView, ProgramView, UsualOperator};
 use crate::tui::setup_form::Choices;
 
 /// The plan that is used when neither the command line nor the bench file names one.
@@ -100,6 +102,7 @@ fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
         operator_required: checked.habits.operator.required,
         bell: checked.habits.bell,
         serial_number: checked.serial_number.clone(),
+        numbers: checked.numbers.clone().into(),
     }
 }
 
@@ -124,8 +127,18 @@ fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanVi
     let job = Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
     let sha256 = checked.sha256().to_owned();
     let (items, serial_number) = (job.planned(), plan.serial_number.clone());
-    let view = PlanView { name, version, sha256, items, programs, part, serial_number, expected_s: None };
+    let drift_limits = plan.parts().filter_map(|part| drift_limits_of(plan, part)).collect();
+    let asks =
+        Arc::new(PlanAsks { numbers: plan.numbers.clone(), parts: plan.parts().cloned().collect(), drift_limits });
+    let view = PlanView { name, version, sha256, items, programs, part, serial_number, asks, expected_s: None };
     Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))
+}
+
+fn drift_limits_of(plan: &Plan, part: &PartName) -> Option<DriftLimits> {
+    let plan = plan.with_limits_of(part)?;
+    let programs = plan.items().iter().filter_map(ProgramView::of);
+    let limits = programs.map(|program| (program.item, program.drift_limit)).collect();
+    Some(DriftLimits { part: part.clone(), limits })
 }
 
 /// The name of the bench in the form.

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use gnc_bench::control::RunControl;
 use gnc_bench::fixture::{Fixture, OperatorQuestion};
+use gnc_bench::questions::{Answers, Person};
 use gnc_bench::runner::{Ending, Live, looking};
 use gnc_bench::service::{self, Observer, RunRequest};
 use gnc_executive::event::Event;
@@ -17,11 +18,11 @@ use tokio::sync::mpsc;
 
 use super::files::{Held, NOT_HELD};
 use super::told::Told;
-use crate::auto;
 use crate::refusal::CommandRefusal;
 use crate::setup::Setup;
 use crate::tui::model::{AfterFailure, RoundsSetting};
 use crate::tui::update::{Msg, StartRequest};
+use crate::{args, auto};
 
 /// Handles by which the session and the screen reach the run.
 pub(super) struct Handles {
@@ -105,11 +106,17 @@ fn prepare(
     }
     let questions = handles.questions.clone();
     let setup = bench.open(&start.serial_number, || Ok(Fixture::Screen(questions)))?;
+    // Also a bench that turns its module by itself has the person at the screen.
+    let answers = Answers::default().with(Person::Screen(handles.questions.clone()));
+    let [part, revision] = start.part.each_ref().map(|text| Some(text.trim()).filter(|text| !text.is_empty()));
     let request = RunRequest {
         plan: plan.plan.clone(),
         serial_number: start.serial_number,
+        part: args::asked_part(part, revision)?,
+        numbers: start.numbers,
         operator: start.operator,
         selection: start.selection,
+        answers,
         program: auto::program(),
         on_fail: match start.after_failure {
             AfterFailure::AsPlanned => None,
@@ -140,7 +147,7 @@ async fn serve(request: &RunRequest, setup: Setup, handles: Handles) -> Finished
         Ok(done) => (Some(done.verdict()), done.refused),
         Err(refused) => (None, Some(refused)),
     };
-    let refusal = refused.map(|error| in_words(&CommandRefusal::new(with_causes(&error), error.try_this())));
+    let refusal = refused.map(|error| in_words(&CommandRefusal::new(with_causes(&error), &error.try_this())));
     Finished::Run { verdict, store_error: shown.store_error, refusal }
 }
 

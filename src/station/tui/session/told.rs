@@ -55,11 +55,11 @@ impl Told {
         self.ended.notified().await;
     }
 
-    /// Waits until the last verdicts are told, but no longer than the program is given.
-    pub(in crate::tui) fn finish(self) {
+    /// Waits until the last verdicts are told, but no longer than the program is given, nor after an interrupt.
+    pub(in crate::tui) async fn finish(self, interrupted: impl Future<Output = ()>) {
         let hooks = self.hooks.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(hooks) = hooks {
-            hooks.finish();
+            hooks.finish(interrupted).await;
         }
     }
 }

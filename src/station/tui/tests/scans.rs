@@ -5,6 +5,8 @@ use gnc_executive::event::{EventKind, OtherModule};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::serial_number::SerialNumberPattern;
 
+use gnc_bench::fixture::Reply;
+
 use super::{fail, record, records, runs, scene};
 use crate::tui::decode::Key;
 use crate::tui::input::Scanned;
@@ -94,9 +96,9 @@ fn a_scan_answers_nothing_while_a_run_is_on() {
         assert_eq!(scene.key(key), None, "{key:?}");
     }
     scene.key(Key::Esc);
-    assert_eq!(scene.key(Key::F(7)), Some(Effect::Answer(false)));
+    assert_eq!(scene.key(Key::F(7)), Some(Effect::Answer(Reply::NotPossible)));
     scene.tell(Msg::Asked { item: "ad".into(), ask: Ask::Switches(None) });
-    assert_eq!(scene.key(Key::F(2)), Some(Effect::Answer(true)));
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::Answer(Reply::Done)));
     scene.scans("SN-0002\r");
     scene.key(Key::F(10));
     assert_eq!(scene.scans("SN-0003\r"), None);

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use gnc_bench::fixture::Ask;
 use gnc_bench::guidance::heat::{HeatView, TemperatureSoFar};
-use gnc_executive::event::{EventKind, StopHow};
+use gnc_executive::event::{EventKind, OtherModule, StopHow};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::verdict::Verdict;
 
@@ -143,10 +143,12 @@ fn old_news_goes_and_an_error_stays() {
     scene.types("DEMO-1");
     scene.key(Key::Enter);
     assert!(shows(&mut scene, "DEMO-1: F5 starts the test."));
+    // The panel of the run says it, too, as long as it is so.
+    let last = |scene: &mut Scene| scene.text().lines().rev().nth(1).is_some_and(|line| line.contains("F5 starts"));
     scene.pass_time(Duration::from_secs(29));
-    assert!(shows(&mut scene, "DEMO-1: F5 starts the test."));
+    assert!(last(&mut scene), "{}", scene.text());
     scene.pass_time(Duration::from_secs(1));
-    assert!(!shows(&mut scene, "DEMO-1: F5 starts the test."));
+    assert!(!last(&mut scene), "{}", scene.text());
     // The screen wakes for it, not only at the next minute.
     scene.tell(Msg::HookTrouble("no paper".into()));
     assert_eq!(scene.model.message_left(), Some(Duration::from_secs(120)));
@@ -227,4 +229,61 @@ fn what_is_worse_stays_in_sight() {
     assert!(shows(&mut scene, "the cable is out"), "{}", scene.text());
     scene.resize(40, 12);
     assert!(shows(&mut scene, "power unknown"), "{}", scene.text());
+}
+
+/// Nothing that comes by itself wipes out an error. What is only news goes for it.
+#[test]
+fn what_comes_by_itself_wipes_out_no_error() {
+    let broke_off = || super::start::told("DEMO-1");
+    let comes: [fn(&mut Scene); 4] = [
+        |scene| drop(scene.tell(Msg::ScannerLost { why: "it is unplugged".into() })),
+        |scene| drop(scene.tell(Msg::ScannerBack { port: "/dev/ttyACM0".into() })),
+        |scene| {
+            scene.start("DEMO-1");
+            scene.tell(Msg::WatchOver { why: Some("the cable is out".into()) });
+            scene.miss_an_event();
+            scene.passes(&["identity"]);
+        },
+        |scene| {
+            scene.start("DEMO-1");
+            let other = OtherModule { scanned: "DEMO-1".into(), found: "DEMO-2, and the cable is out".into() };
+            scene.event(EventKind::OtherModule(other));
+            scene.run_ends_at_once(Outcome::Errored);
+        },
+    ];
+    for (index, come) in comes.into_iter().enumerate() {
+        let mut scene = scene(Lang::En);
+        scene.tell(Msg::WatchOver { why: Some("the cable is out".into()) });
+        come(&mut scene);
+        let message = scene.model.message.as_ref().map(|(_, message)| message.as_str()).unwrap_or_default();
+        assert!(message.contains("the cable is out"), "{index}: {message}");
+    }
+    let mut scene = scene(Lang::En);
+    scene.tell(Msg::WatchOver { why: Some("the cable is out".into()) });
+    scene.tell(broke_off());
+    assert!(shows(&mut scene, "the cable is out"));
+    // News follows a warning: the scanner that was lost is there again.
+    let mut scene = self::scene(Lang::En);
+    scene.tell(Msg::ScannerLost { why: "it is unplugged".into() });
+    assert!(shows(&mut scene, "it is unplugged"));
+    scene.tell(Msg::ScannerBack { port: "/dev/ttyACM0".into() });
+    assert!(shows(&mut scene, "is there again"));
+}
+
+/// After a scan the panel says which module F5 tests, also when the message is gone, and at the end of a long number.
+#[test]
+fn after_a_scan_the_panel_says_what_f5_does() {
+    for lang in Lang::ALL {
+        let texts = lang.texts();
+        let mut scene = scene(lang);
+        assert!(shows(&mut scene, texts.no_verdict_yet), "{}", scene.text());
+        scene.scans("DEMO-7\r");
+        scene.pass_time(Duration::from_secs(60));
+        let told = texts.scanned.replace("{}", "DEMO-7");
+        assert!(shows(&mut scene, &told) && !shows(&mut scene, texts.no_verdict_yet), "{}", scene.text());
+        scene.scans(&format!("{}\r", "X".repeat(40)));
+        scene.pass_time(Duration::from_secs(60));
+        let told = texts.scanned.replace("{}", "");
+        assert!(shows(&mut scene, &format!("…{told}")), "{}", scene.text());
+    }
 }

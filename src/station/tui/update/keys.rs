@@ -1,14 +1,16 @@
 //! What keys do in each place.
 
+use gnc_bench::fixture::Reply;
+
 use super::start::{self, ask_to_start};
-use super::{Effect, scan, set_language, unknown_item, words};
+use super::{Effect, numbers, question, scan, set_language, unknown_item, words};
 use crate::tui::decode::Key;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::live::History;
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, RoundsSetting, RunView, ScreenModel, ScreenPage, order};
 use crate::tui::pending::PendingStart;
 use crate::tui::records::Check;
-use crate::tui::setup_form::{Form, FormLine, MAX_ROUNDS};
+use crate::tui::setup_form::{Form, FormLine, FormNumber, MAX_ROUNDS};
 
 /// Bench time of lost captures from which a stop is asked about: less is made again while the operator fetches a coffee.
 const ASK_FROM_S: f64 = 600.0;
@@ -21,6 +23,12 @@ pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
         if let Some(Over::Setup(form)) = model.over.last_mut() {
             form.typed(key);
         }
+        return None;
+    }
+    if model.takes_words()
+        && (is_text(key) || matches!(key, Key::Enter | Key::Tab | Key::Control | Key::Up | Key::Down))
+    {
+        question::typed(model, key);
         return None;
     }
     if let Some(command) = typed(model, place, key) {
@@ -36,9 +44,34 @@ fn is_text(key: Key) -> bool {
     matches!(key, Key::Char(_) | Key::Pasted(_) | Key::Backspace)
 }
 
+/// Whether a question waits for its keys.
+pub(super) fn is_asking(place: KeyContext) -> bool {
+    matches!(
+        place,
+        KeyContext::Prompt | KeyContext::Confirm | KeyContext::Changed | KeyContext::Interrupted | KeyContext::Stopping
+    )
+}
+
+/// Text that a hand types while a question waits is for nobody. The beginning of a scan may be among it, so it is kept
+/// out of sight until the scan takes it back. `Some`: the key was text, or ended a scan.
+#[expect(clippy::option_option, reason = "whether the key was taken, and what it asks for")]
+fn in_question(model: &mut ScreenModel, key: Key) -> Option<Option<Effect>> {
+    match key {
+        Key::Enter | Key::Tab if model.scan.typed_by_scanner => return Some(scan::finish_typed(model).unwrap_or(None)),
+        Key::Char(character) | Key::Pasted(character) => model.scan.keep_unseen(character),
+        Key::Backspace => drop(model.scan.unseen.pop()),
+        Key::Control => model.scan.unseen.clear(),
+        _ => return None,
+    }
+    Some(None)
+}
+
 /// Adds text to the serial number, or to the search of the records. `Some`: the key was text, or ended it.
 #[expect(clippy::option_option, reason = "whether the key was taken, and what it asks for")]
 fn typed(model: &mut ScreenModel, place: KeyContext, key: Key) -> Option<Option<Effect>> {
+    if is_asking(place) {
+        return in_question(model, key);
+    }
     let searching = matches!(place, KeyContext::Records);
     let typing = if searching { !model.records.search.is_empty() } else { !model.scan.typed.is_empty() };
     if matches!(key, Key::Enter | Key::Tab) && typing && !searching {
@@ -93,8 +126,12 @@ fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<
         KeyAction::Take => return take_form(model),
         KeyAction::Back if place == KeyContext::Watching => return leave_watch(model),
         KeyAction::Back => back(model, place),
+        KeyAction::Yes | KeyAction::No | KeyAction::Redo if place == KeyContext::Question => {
+            return question::answer(model, action);
+        }
         KeyAction::Yes
         | KeyAction::No
+        | KeyAction::Redo
         | KeyAction::LoadNew
         | KeyAction::RunChecked
         | KeyAction::TakeUp
@@ -159,6 +196,11 @@ fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
     if model.operator.trim().is_empty() && model.bench.ready().is_some_and(|bench| bench.operator_required) {
         model.say(MessageWeight::Warning, model.texts.operator_needed);
         model.over.push(Over::Setup(Form::at(model, FormLine::Operator)));
+        return Some(Effect::ListChoices);
+    }
+    if let Some((line, told)) = numbers::lacking(model) {
+        model.say(MessageWeight::Warning, told);
+        model.over.push(Over::Setup(Form::at(model, FormLine::Number(line))));
         return Some(Effect::ListChoices);
     }
     let selection = match what {
@@ -337,6 +379,21 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
         model.say(MessageWeight::Error, words(model.texts.not_a_number, &[&most]));
         return None;
     };
+    for FormNumber { key, field, .. } in &form.numbers {
+        if let Some(told) = numbers::misfit(model, key, field.text().trim()) {
+            model.say(MessageWeight::Error, told);
+            return None;
+        }
+    }
+    if let Some(part) = &form.part {
+        model.part = part.each_ref().map(|field| field.text().trim().to_owned());
+    }
+    let later = model.is_running();
+    for number in &form.numbers {
+        if number.is_changed(model) {
+            model.numbers.set(&number.key, number.field.text().trim(), later);
+        }
+    }
     model.over.pop();
     model.message = None;
     model.rounds = rounds;
@@ -380,7 +437,7 @@ fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
         return None;
     }
     let run = model.run.as_mut()?;
-    run.prompt.take().map(|_| Effect::Answer(yes))
+    run.prompt.take().map(|_| Effect::Answer(if yes { Reply::Done } else { Reply::NotPossible }))
 }
 
 fn verify(model: &mut ScreenModel) -> Option<Effect> {
@@ -400,7 +457,7 @@ fn move_by(model: &mut ScreenModel, place: KeyContext, step: isize) {
     let end = model.scroll_end.get();
     match model.over.last_mut() {
         Some(Over::Setup(form)) => {
-            return form.line = moved(form.line, step.signum(), FormLine::ALL.len() - 1);
+            return form.line = moved(form.line, step.signum(), form.lines().len() - 1);
         }
         Some(Over::Help { scroll, .. } | Over::Item { scroll, .. } | Over::Log { scroll }) => {
             return *scroll = moved(*scroll, step, end);

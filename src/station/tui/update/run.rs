@@ -3,12 +3,14 @@
 use std::path::Path;
 
 use gnc_bench::fixture::Ask;
-use gnc_executive::event::{Event, EventKind, OtherModule};
+use gnc_executive::event::{Event, EventKind, NoteLevel, OtherModule};
+use gnc_executive::part::{LimitsChosen, PartName};
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 
-use super::{Effect, words};
+use super::{Effect, numbers, words};
+use crate::tui::field::InputField;
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
 
@@ -16,6 +18,10 @@ use crate::tui::pending::Interrupted;
 pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
     let now = model.now;
     let expected_s = model.plan.ready().and_then(|plan| plan.expected_s);
+    let of_sub_unit = match &event.kind {
+        EventKind::Note { text, .. } => numbers::is_about_sub_unit(model, text),
+        _ => false,
+    };
     let run = model.run.as_mut()?;
     if matches!(event.kind, EventKind::RunStarted { .. }) {
         run.state = RunState::new();
@@ -31,13 +37,32 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
     if run.state.apply(event).is_err() {
         // The terminal was so far behind that events were lost. The record has them all.
         run.events_lost = true;
-        model.say(MessageWeight::Warning, model.texts.events_lost);
+        model.mention(model.texts.events_lost);
         return None;
     }
     if let EventKind::OtherModule(OtherModule { scanned, found }) = &event.kind {
         let [scanned, found] = [scanned, found].map(|text| gnc_text::printable(text).into_owned());
         let told = words(model.texts.other_module, &[&found, &scanned]);
         model.say(MessageWeight::Error, told);
+        return None;
+    }
+    if let EventKind::Note { level: NoteLevel::Warning, text, item: None } = &event.kind
+        && of_sub_unit
+    {
+        // Another module has a sub-unit of this run.
+        let told = gnc_text::printable(text).into_owned();
+        model.mention(told);
+        return None;
+    }
+    if let EventKind::LimitsChosen(LimitsChosen { part, module }) = &event.kind {
+        let told = match part {
+            Some(part) => words(model.texts.limits_of_part, &[&part_shown(part)]),
+            None => words(model.texts.limits_of_plan, &[&part_shown(module)]),
+        };
+        // A warning that came before matters more.
+        if !matches!(model.message, Some((MessageWeight::Warning | MessageWeight::Error, _))) {
+            model.say(MessageWeight::Info, told);
+        }
         return None;
     }
     if let EventKind::ItemStarted { item, .. } = &event.kind
@@ -64,7 +89,7 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
 pub(super) fn asked(model: &mut ScreenModel, item: String, ask: Ask) {
     let since = model.now.since_start;
     if let Some(run) = &mut model.run {
-        run.prompt = Some(Prompt { item, ask, since });
+        run.prompt = Some(Prompt { item, ask, since, typed: InputField::default() });
         model.call();
     }
 }
@@ -79,7 +104,7 @@ pub(super) fn broke_off(model: &mut ScreenModel, serial_number: &str, run: Optio
     };
     let at = run.at.format("%F %H:%M").to_string();
     let said = words(template, &[&gnc_text::printable(serial_number), &at]);
-    model.say(MessageWeight::Warning, said);
+    model.mention(said);
 }
 
 /// Takes what the records say of the module.
@@ -113,18 +138,28 @@ pub(super) fn over(
             let first = why.lines().next().unwrap_or_default();
             Some((MessageWeight::Error, words(texts.run_refused, &[first])))
         }
-        (Some(error), None) => Some((MessageWeight::Error, words(texts.store_error, &[error]))),
+        // It has a place of its own, where it stays.
+        (Some(_), None) => None,
         (None, None) if run.power_unknown() => Some((MessageWeight::Warning, texts.watchdog_acts.to_owned())),
         (None, None) => None,
     };
-    run.store_error = store_error;
+    let recorded = verdict.is_some() || !run.ends.is_empty();
+    run.store_error.clone_from(&store_error);
     let missed = run.folder.clone().filter(|_| run.events_lost);
     let nothing_done = run.ends.is_empty() && run.state.header().is_none() && !run.events_lost;
     if nothing_done && refusal.is_some() {
         model.run = None;
     }
-    if let Some((weight, what)) = said {
-        model.say(weight, what);
+    if let Some(error) = store_error {
+        model.unrecorded = Some(words(texts.store_error, &[&error]));
+    } else if recorded {
+        model.unrecorded = None;
+    }
+    match said {
+        // An error of the run, as that of another module in the socket, matters more.
+        Some((MessageWeight::Warning, what)) => model.mention(what),
+        Some((weight, what)) => model.say(weight, what),
+        None => {}
     }
     // The question whether to stop the run needs no answer any more.
     model.over.retain(|over| !matches!(over, Over::Leave | Over::Stop { .. }));
@@ -139,5 +174,17 @@ pub(super) fn refolded(model: &mut ScreenModel, folder: &Path, state: RunState) 
         }
         run.state = state;
         run.events_lost = false;
+    }
+}
+
+/// A part with its revision, in no language.
+fn part_shown(part: &PartName) -> String {
+    let known = |text: &str| match text.trim() {
+        "" => "-".to_owned(),
+        text => gnc_text::printable(text).into_owned(),
+    };
+    match &part.revision {
+        Some(revision) => format!("{} / {}", known(&part.number), known(revision)),
+        None => known(&part.number),
     }
 }

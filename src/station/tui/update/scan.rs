@@ -1,8 +1,10 @@
 //! From a scan, or from typed text, to the serial number.
 
+use gnc_executive::numbers::NumberField;
+use gnc_executive::part::PartName;
 use gnc_executive::serial_number::SerialNumberPattern;
 
-use super::{Effect, words};
+use super::{Effect, numbers, words};
 use crate::serial_number::{self, SerialNumberError};
 use crate::tui::field::InputField;
 use crate::tui::framing::{self, ScanProblem};
@@ -12,11 +14,19 @@ use crate::tui::model::{MessageWeight, Over, ScreenModel, ScreenPage};
 
 /// Takes a scan, wherever the operator is. It is never a key and never falls into another field.
 pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) -> Option<Effect> {
+    if model.takes_words() {
+        super::question::scan(model, scanned);
+        return None;
+    }
     let texts = model.texts;
     let before = take_back(model, scanned.taken_back);
     let number = match framing::number(&before, scanned) {
         // A pattern that asks for other letters knows better.
-        Ok(number) if framing::is_other_layout(&number) && !is_asked_for(model, &number) => {
+        Ok(number)
+            if framing::is_other_layout(&number)
+                && !is_asked_for(model, &number)
+                && numbers::fitting(model, &number).is_none() =>
+        {
             Err(ScanProblem::Layout(number))
         }
         read => read,
@@ -55,6 +65,14 @@ fn take_scanned(model: &mut ScreenModel, number: &str, typed: &InputField) -> Op
             return None;
         }
     };
+    if let Some(field) = other_number(model, &number) {
+        numbers::take(model, &field, &number);
+        return None;
+    }
+    if is_part(model, &number) {
+        numbers::take_part(model, &number);
+        return None;
+    }
     if let Some(problem) = misfit(model, &number) {
         model.say(MessageWeight::Error, problem);
         return None;
@@ -73,6 +91,10 @@ fn take_scanned(model: &mut ScreenModel, number: &str, typed: &InputField) -> Op
 /// Takes characters back that were given as keys before they turned out to be the beginning of a scan.
 fn take_back(model: &mut ScreenModel, count: usize) -> String {
     let searching = model.place() == KeyContext::Records;
+    if super::keys::is_asking(model.place()) {
+        let kept = model.scan.unseen.chars().count().saturating_sub(count);
+        return std::mem::take(&mut model.scan.unseen).chars().skip(kept).collect();
+    }
     let field = match model.over.last_mut() {
         Some(Over::Setup(form)) => form.field_here(),
         _ if searching => Some(&mut model.records.search),
@@ -94,6 +116,14 @@ pub(super) fn finish_typed(model: &mut ScreenModel) -> Result<Option<Effect>, ()
         _ if field.has_control() => texts.scan_control.to_owned(),
         _ if field.characters() > serial_number::MAX_CHARACTERS => too_long(model, field.characters()),
         Err(error) => in_words(model, &error),
+        Ok(number) if let Some(field) = other_number(model, &number) => {
+            numbers::take(model, &field, &number);
+            return Ok(None);
+        }
+        Ok(number) if is_part(model, &number) => {
+            numbers::take_part(model, &number);
+            return Ok(None);
+        }
         Ok(number) => match misfit(model, &number) {
             None => return Ok(take_number(model, number)),
             Some(problem) => problem,
@@ -112,6 +142,10 @@ pub(super) fn take_number(model: &mut ScreenModel, number: String) -> Option<Eff
         model.scan.next = Some(number);
         model.say(MessageWeight::Info, words(texts.scanned_next, &[&shown]));
         return None;
+    }
+    if model.scan.current.as_ref() != Some(&number) {
+        let fields = model.asked_numbers();
+        model.numbers.new_module(&fields);
     }
     model.scan.current = Some(number);
     model.scan.next = None;
@@ -135,6 +169,18 @@ fn patterns(model: &ScreenModel) -> impl Iterator<Item = &SerialNumberPattern> {
 
 fn is_asked_for(model: &ScreenModel, number: &str) -> bool {
     patterns(model).next().is_some() && patterns(model).all(|pattern| pattern.fits(number))
+}
+
+/// Whether a scan is the number of a part that has limits of its own, and no serial number.
+fn is_part(model: &ScreenModel, number: &str) -> bool {
+    let scanned = PartName::new(number, None);
+    let asked = |part: &PartName| scanned.is_asked_for_by(&PartName::new(&part.number, None));
+    model.parts().iter().any(asked) && !is_asked_for(model, number)
+}
+
+/// The number of an order, a sub-unit or another one that a scan is, and no serial number.
+fn other_number(model: &ScreenModel, number: &str) -> Option<NumberField> {
+    numbers::fitting(model, number).filter(|_| !is_asked_for(model, number))
 }
 
 /// Why a number is none of this bench or this plan.
@@ -167,7 +213,7 @@ fn in_words(model: &ScreenModel, error: &SerialNumberError) -> String {
     }
 }
 
-fn words_of(model: &ScreenModel, problem: &ScanProblem) -> String {
+pub(super) fn words_of(model: &ScreenModel, problem: &ScanProblem) -> String {
     let texts = model.texts;
     let shown = |text: &str| gnc_text::printable(text).into_owned();
     match problem {

@@ -126,8 +126,11 @@ fn start(model: &mut ScreenModel) -> Option<Effect> {
     model.run = Some(RunView::new(serial_number.clone(), rounds, expected_s, &model.now));
     model.message = None;
     model.cursor = 0;
+    let fields = model.asked_numbers();
     Some(Effect::Start(StartRequest {
         serial_number,
+        part: model.part.clone(),
+        numbers: model.numbers.of(&fields),
         plan_sha256,
         resume,
         operator: Some(model.operator.trim().to_owned()).filter(|name| !name.is_empty()),

@@ -9,9 +9,8 @@ use gnc_executive::text::duration;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 
-use super::panels::{bar, block};
+use super::panels::{bar, block, block_in};
 use super::rows::first_shown;
 use super::{WIDE, allan, field, live, module, style, text};
 use crate::tui::lang::fill;
@@ -48,7 +47,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 
 /// Draws the module, how it moves, and the progress.
 fn guide(model: &ScreenModel, item: &str, guidance: &Guidance, frame: &mut Frame<'_>, area: Rect) {
-    let block = block(&text::shown(item)).border_style(style::accent(model.look));
+    let block = block_in(&text::shown(item), area).border_style(style::accent(model.look));
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let cells = usize::from(inner.width);
@@ -62,11 +61,11 @@ fn guide(model: &ScreenModel, item: &str, guidance: &Guidance, frame: &mut Frame
     let [pose_area, module_area, progress_area] =
         Layout::vertical([Constraint::Length(pose.len() as u16), Constraint::Length(picture), Constraint::Fill(1)])
             .areas(inner);
-    frame.render_widget(Paragraph::new(pose), pose_area);
+    text::lines(frame, pose, pose_area);
     if let Some(orientation) = &guidance.orientation {
         module::draw(model, frame, module_area, orientation, guidance.turn());
     }
-    frame.render_widget(Paragraph::new(progress), progress_area);
+    text::lines(frame, progress, progress_area);
 }
 
 /// How the module lies, and how it moves in the present capture.
@@ -125,8 +124,8 @@ fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: u
 /// the operator can stop a capture of an hour that cannot pass any more.
 fn heat_lines(model: &ScreenModel, item: &str, heat: &HeatView, cells: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
-    let programs = model.plan.ready().map_or(&[][..], |plan| &plan.programs);
-    let limit = programs.iter().find(|program| program.item == item).and_then(|program| program.drift_limit.as_ref());
+    let chosen = model.run.as_ref().and_then(|run| run.state.limits());
+    let limit = model.plan.ready().and_then(|plan| plan.drift_limit(item, chosen));
     let most_k = match limit {
         Some(Limit::Range(range)) if range.unit == Unit::DegreeCelsius => range.high,
         _ => None,
@@ -166,7 +165,7 @@ fn captures(model: &ScreenModel, guidance: &Guidance, frame: &mut Frame<'_>, are
     let first = first_shown(guidance.finished, guidance.captures.len(), rows);
     let shown = guidance.captures.iter().enumerate().skip(first).take(rows);
     let lines: Vec<Line<'_>> = shown.map(|(index, planned)| capture(model, guidance, index, planned, cells)).collect();
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
 }
 
 fn capture(model: &ScreenModel, guidance: &Guidance, index: usize, planned: &Planned, cells: usize) -> Line<'static> {
@@ -200,7 +199,7 @@ fn programs(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let whole_s: f64 = programs.iter().map(|program| program.span_s).sum();
     let count: usize = programs.iter().map(|program| program.captures).sum();
     lines.push(Line::styled(row("", &count.to_string(), &duration(whole_s), "", cells), style::strong()));
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
 }
 
 fn program_line(model: &ScreenModel, program: &ProgramView, cells: usize) -> Line<'static> {

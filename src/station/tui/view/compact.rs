@@ -4,7 +4,6 @@ use gnc_executive::text::duration;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 
 use super::rows::{decided, is_bad};
 use super::{frame as edges, style, text};
@@ -48,7 +47,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         let at = if model.page == ScreenPage::Tests { lines.len() } else { 1 };
         lines.splice(at..at, hint);
     }
-    frame.render_widget(Paragraph::new(lines), area);
+    text::lines(frame, lines, area);
 }
 
 /// The verdict, or how far the run is.

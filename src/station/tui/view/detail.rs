@@ -8,9 +8,8 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 
-use super::panels::block;
+use super::panels::block_in;
 use super::{style, text};
 use crate::tui::lang::fill;
 use crate::tui::model::ScreenModel;
@@ -31,13 +30,13 @@ pub(super) fn pane(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 
 /// An item beside a list of the records.
 pub(super) fn show(model: &ScreenModel, row: Option<&Row>, frame: &mut Frame<'_>, area: Rect) {
-    let block = block(&title(model, row));
+    let block = block_in(&title(model, row), area);
     let inner = block.inner(area);
     frame.render_widget(block, area);
     if let Some(row) = row {
         let mut lines = lines(model, row, usize::from(inner.width));
         lines.truncate(usize::from(inner.height));
-        frame.render_widget(Paragraph::new(lines), inner);
+        text::lines(frame, lines, inner);
     }
 }
 
@@ -57,7 +56,7 @@ pub(super) fn scrolled(
     scroll: usize,
     lines: impl FnOnce(usize) -> Vec<Line<'static>>,
 ) {
-    let mut block = block(title);
+    let mut block = block_in(title, area);
     let inner = block.inner(area);
     let lines = lines(usize::from(inner.width));
     let room = usize::from(inner.height);
@@ -70,7 +69,7 @@ pub(super) fn scrolled(
     }
     frame.render_widget(block, area);
     let shown: Vec<Line<'_>> = lines.into_iter().skip(first).take(room).collect();
-    frame.render_widget(Paragraph::new(shown), inner);
+    text::lines(frame, shown, inner);
 }
 
 fn lines(model: &ScreenModel, row: &Row, cells: usize) -> Vec<Line<'static>> {

@@ -6,13 +6,13 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
+use ratatui::widgets::{Block, BorderType, Clear};
 
 use super::{detail, picture, style, text};
 use crate::files::ChangedFile;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::lang::{self, fill};
-use crate::tui::model::{Glyphs, ScreenModel};
+use crate::tui::model::{Glyphs, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
 
 /// Files that a question names; a plan with more is better looked at in its folder.
@@ -27,32 +27,57 @@ fn over(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str, row
     let border = if model.look.glyphs == Glyphs::Unicode { BorderType::Double } else { BorderType::Plain };
     let block = Block::bordered()
         .border_type(border)
-        .title(Span::styled(format!(" {title} "), style::strong()))
+        .title(Span::styled(format!(" {} ", text::cut(title, usize::from(width).saturating_sub(4))), style::strong()))
         .border_style(style::accent(model.look));
     let inner = block.inner(place);
+    free_left_edge(frame, place);
     frame.render_widget(Clear, place);
     frame.render_widget(block, place);
     inner.inner(ratatui::layout::Margin { horizontal: 1, vertical: 0 })
 }
 
-/// "Enter Yes   Esc No".
-fn answers(model: &ScreenModel) -> Line<'static> {
-    let keys = keymap::bindings(model.place()).filter(|binding| binding.footer && binding.action != KeyAction::Stop);
-    let spans = keys.flat_map(|binding| {
-        let what = super::frame::key_label(model, binding.action);
-        [Span::styled(keymap::name(binding.key), style::turned()), Span::raw(format!(" {what}   "))]
-    });
-    Line::from(spans.collect::<Vec<_>>())
+/// Removes wide characters whose second half lies under the left border: the terminal would show them instead of it.
+fn free_left_edge(frame: &mut Frame<'_>, place: Rect) {
+    let Some(x) = place.x.checked_sub(1) else { return };
+    for y in place.top()..place.bottom() {
+        if let Some(cell) = frame.buffer_mut().cell_mut((x, y)).filter(|cell| text::width(cell.symbol()) > 1) {
+            cell.set_symbol(" ");
+        }
+    }
 }
 
+/// "F2 Yes   Esc No", in as many lines as they need.
+fn answers(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
+    let keys = keymap::bindings(model.place()).filter(|binding| binding.footer && binding.action != KeyAction::Stop);
+    let (mut lines, mut line) = (Vec::new(), Line::default());
+    for binding in keys {
+        let name = Span::styled(keymap::name(binding.key), style::turned());
+        let what = Span::raw(format!(" {}", super::frame::key_label(model, binding.action)));
+        if line.width() > 0 && line.width() + name.width() + what.width() > cells {
+            lines.push(std::mem::take(&mut line));
+        }
+        line.spans.extend([name, what, Span::raw("   ")]);
+    }
+    lines.push(line);
+    lines
+}
+
+/// Draws a question. The last of its texts is what is asked, and stays whole where there is little room.
 fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str, words: &[String]) {
     let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
-    let lines: Vec<String> = words.iter().flat_map(|words| text::wrap(words, cells)).collect();
-    let place = over(model, frame, area, title, lines.len() as u16 + 2);
+    let Some((asked, before)) = words.split_last() else { return };
+    let asked = text::wrap(asked, cells);
+    let mut lines: Vec<String> = before.iter().flat_map(|words| text::wrap(words, cells)).collect();
+    let answers = answers(model, cells);
+    let rows = |lines: usize| (lines + asked.len() + answers.len()) as u16;
+    let place = over(model, frame, area, title, rows(lines.len()) + 1);
+    let room = usize::from(place.height).saturating_sub(asked.len() + answers.len());
+    text::shorten(&mut lines, room, cells);
     // On a small screen the gap goes first, and the answers never.
-    let [words_area, answer_area] = Layout::vertical([Constraint::Fill(1), Constraint::Length(1)]).areas(place);
-    frame.render_widget(Paragraph::new(lines.into_iter().map(Line::raw).collect::<Vec<_>>()), words_area);
-    frame.render_widget(answers(model), answer_area);
+    let [words_area, answer_area] =
+        Layout::vertical([Constraint::Fill(1), Constraint::Length(answers.len() as u16)]).areas(place);
+    text::lines(frame, lines.into_iter().chain(asked).map(Line::raw), words_area);
+    text::lines(frame, answers, answer_area);
 }
 
 /// The plan was run on the module before.
@@ -113,35 +138,48 @@ pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let Some(prompt) = model.run.as_ref().and_then(|run| run.prompt.as_ref()) else { return };
     let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
-    let what = text::wrap(&(texts.ask)(&prompt.ask), cells);
+    let mut what = text::wrap(&(texts.ask)(&prompt.ask), cells);
     let on_no = text::wrap(&fill(texts.on_no, &[&text::shown(&prompt.item)]), cells);
+    let answers = answers(model, cells);
+    let answer_rows = answers.len() as u16;
+    let answer = if prompt.takes_words() { text::wrap(&typed(model, prompt), cells) } else { Vec::new() };
+    let typed_rows = answer.len() as u16;
+    text::shorten(&mut what, usize::from(area.height.saturating_sub(answer_rows + typed_rows + 2)), cells);
     let (what_rows, mut on_no_rows) = (what.len() as u16, on_no.len() as u16);
     // What must be done and the answers stay on the smallest screen; the picture goes first, then the rest.
-    let room = area.height.saturating_sub(what_rows + 4);
+    let room = area.height.saturating_sub(what_rows + typed_rows + answer_rows + 3);
     let picture_rows = picture::rows(&prompt.ask);
     let picture_rows = if picture_rows + on_no_rows <= room { picture_rows } else { 0 };
     if on_no_rows + 1 > room {
         on_no_rows = 0;
     }
     let title = format!("{}: {}", texts.prompt_title, text::shown(&prompt.item));
-    let place = over(model, frame, area, &title, what_rows + picture_rows + on_no_rows + 4);
-    let [what_area, picture_area, since_area, no_area, _, answer_area] = Layout::vertical([
+    let place = over(model, frame, area, &title, what_rows + typed_rows + picture_rows + on_no_rows + answer_rows + 3);
+    let [what_area, typed_area, picture_area, since_area, no_area, _, answer_area] = Layout::vertical([
         Constraint::Length(what_rows + u16::from(room > 0)),
+        Constraint::Length(typed_rows),
         Constraint::Length(picture_rows),
         Constraint::Length(u16::from(room > 0)),
         Constraint::Length(on_no_rows),
         Constraint::Fill(1),
-        Constraint::Length(1),
+        Constraint::Length(answer_rows),
     ])
     .areas(place);
     let strong = |line| Line::styled(line, style::strong());
-    frame.render_widget(Paragraph::new(what.into_iter().map(strong).collect::<Vec<_>>()), what_area);
+    text::lines(frame, what.into_iter().map(strong), what_area);
+    let turned = |line| Line::styled(line, style::accent(model.look));
+    text::lines(frame, answer.into_iter().map(turned), typed_area);
     picture::draw(model, frame, picture_area, &prompt.ask);
     let since = duration(model.now.since_start.saturating_sub(prompt.since).as_secs() as f64);
-    frame.render_widget(Line::styled(fill(texts.asked_since, &[&since]), style::faint()), since_area);
+    text::lines(frame, [Line::styled(fill(texts.asked_since, &[&since]), style::faint())], since_area);
     let faint = |line| Line::styled(line, style::faint());
-    frame.render_widget(Paragraph::new(on_no.into_iter().map(faint).collect::<Vec<_>>()), no_area);
-    frame.render_widget(answers(model), answer_area);
+    text::lines(frame, on_no.into_iter().map(faint), no_area);
+    text::lines(frame, answers, answer_area);
+}
+
+/// The answer as far as it is typed.
+fn typed(model: &ScreenModel, prompt: &Prompt) -> String {
+    fill(model.texts.answer_typed, &[&format!("{}_", text::shown(prompt.typed.text()))])
 }
 
 /// What the keys do in a place, from the table of keys.

@@ -8,7 +8,6 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Color;
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 
 use super::panels::block;
@@ -52,10 +51,10 @@ pub(super) fn draw(model: &ScreenModel, field: &FieldView, frame: &mut Frame<'_>
         frame.render_widget(block, corrected);
         let lines = text::wrap(texts.no_ellipse, usize::from(inner.width));
         let faint = lines.into_iter().map(|line| Line::styled(line, style::faint()));
-        frame.render_widget(Paragraph::new(faint.collect::<Vec<_>>()), inner);
+        text::lines(frame, faint.collect::<Vec<_>>(), inner);
     }
     let cells = usize::from(figures_area.width);
-    frame.render_widget(Paragraph::new(figures(model, field, cells)), figures_area);
+    text::lines(frame, figures(model, field, cells), figures_area);
 }
 
 fn correct(ellipse: &RoughEllipse, [x, y]: [f64; 2]) -> [f64; 2] {
@@ -89,7 +88,10 @@ fn plot(
     (middle, half): ([f64; 2], f64),
     paint: impl Fn(&mut Context<'_>, &Colours),
 ) {
-    let block = block(&format!("{title} ±{half:.2}"));
+    // The scale stays where the name has no room.
+    let scale = format!(" ±{half:.2}");
+    let name = text::cut(title, usize::from(area.width).saturating_sub(4 + text::width(&scale)));
+    let block = block(&format!("{name}{scale}"));
     let inner = block.inner(area);
     frame.render_widget(block, area);
     if inner.width == 0 || inner.height == 0 {

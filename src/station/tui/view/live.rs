@@ -13,9 +13,9 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
+use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
 
-use super::panels::block;
+use super::panels::{block, block_in};
 use super::{WIDE, style, text};
 use crate::tui::lang::fill;
 use crate::tui::live::{LivePoint, LiveSample};
@@ -36,7 +36,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         let inner = block.inner(area);
         frame.render_widget(block, area);
         let lines = text::wrap(model.texts.no_live_yet, usize::from(inner.width));
-        return frame.render_widget(Paragraph::new(lines.into_iter().map(Line::raw).collect::<Vec<_>>()), inner);
+        return text::lines(frame, lines.into_iter().map(Line::raw), inner);
     }
     let width = if area.width >= WIDE { NUMBERS + 10 } else { NUMBERS };
     let [numbers_area, charts_area] = Layout::horizontal([Constraint::Length(width), Constraint::Fill(1)]).areas(area);
@@ -46,7 +46,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 
 fn numbers(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
-    let block = block(&title(model));
+    let block = block_in(&title(model), area);
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let cells = usize::from(inner.width);
@@ -70,7 +70,7 @@ fn numbers(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         lines.push(Line::styled(text::cut(texts.streams_legend, cells), style::faint()));
     }
     lines.extend(model.live.newest.streams.iter().map(|reading| stream(model, reading, cells)));
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
 }
 
 fn gap(lines: &mut Vec<Line<'static>>, roomy: bool) {

@@ -7,7 +7,6 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 
 use super::panels::block;
 use super::{detail, style, text};
@@ -35,7 +34,7 @@ pub(super) fn pane(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(block, area);
     let lines = lines(model, model.run.as_ref().map(|run| &run.state), usize::from(inner.width));
     let first = lines.len().saturating_sub(usize::from(inner.height));
-    frame.render_widget(Paragraph::new(lines.into_iter().skip(first).collect::<Vec<_>>()), inner);
+    text::lines(frame, lines.into_iter().skip(first), inner);
 }
 
 fn lines(model: &ScreenModel, state: Option<&RunState>, cells: usize) -> Vec<Line<'static>> {

@@ -23,6 +23,12 @@ pub(super) fn block(title: &str) -> Block<'static> {
     Block::bordered().title(format!(" {title} "))
 }
 
+/// The same with a title that may be too long for its place.
+pub(super) fn block_in(title: &str, area: Rect) -> Block<'static> {
+    // The corners, and a space on both sides.
+    block(&text::cut(title, usize::from(area.width).saturating_sub(4)))
+}
+
 /// Label and value on one line.
 fn pair(label: &str, value: &str, style: Style, label_cells: usize, cells: usize) -> Line<'static> {
     let value = text::cut(value, cells.saturating_sub(label_cells + 1));
@@ -79,7 +85,7 @@ pub(super) fn product(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     if let Some(folder) = folder.filter(|_| roomy) {
         lines.push(line(texts.record_in, &text::shown(&folder.display().to_string()), style::faint()));
     }
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
 }
 
 fn join(first: &str, second: &str) -> String {
@@ -179,12 +185,12 @@ pub(super) fn times(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         let inner = block(texts.run).inner(area);
         frame.render_widget(block(texts.run), area);
         let lines = idle_lines(model, usize::from(inner.width), usize::from(inner.height));
-        return frame.render_widget(Paragraph::new(lines), inner);
+        return text::lines(frame, lines, inner);
     };
     let block = if run.over {
-        block(&doing(model, run))
+        block_in(&doing(model, run), area)
     } else {
-        block(&doing(model, run)).border_style(style::accent(model.look))
+        block_in(&doing(model, run), area).border_style(style::accent(model.look))
     };
     let inner = block.inner(area);
     frame.render_widget(block, area);
@@ -214,7 +220,7 @@ pub(super) fn times(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
             lines.pop();
         }
     }
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
 }
 
 /// The lines before a run: what is ready, and what is known of earlier runs.
@@ -242,9 +248,18 @@ fn idle_lines(model: &ScreenModel, cells: usize, room: usize) -> Vec<Line<'stati
         lines.push(Line::styled(text::cut(texts.selection_long, cells), style::badge(model.look)));
     }
     if spare > 1 {
-        lines.insert(1, Line::raw(text::cut(texts.no_verdict_yet, cells)));
+        lines.insert(1, Line::raw(what_next(model, cells)));
     }
     lines
+}
+
+/// "scan, then F5"; after a scan which module F5 tests.
+fn what_next(model: &ScreenModel, cells: usize) -> String {
+    let texts = model.texts;
+    let Some(number) = &model.scan.current else { return text::cut(texts.no_verdict_yet, cells) };
+    // A long number is cut, and what to do stays.
+    let room = cells.saturating_sub(text::width(&fill(texts.scanned, &[""])));
+    text::cut(&fill(texts.scanned, &[&text::cut(&text::shown(number), room)]), cells)
 }
 
 pub(super) fn rounds_words(model: &ScreenModel, rounds: RoundsSetting) -> String {
@@ -391,5 +406,5 @@ pub(super) fn mistakes(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, w
         lines.truncate(room - 1);
         lines.push(Line::styled(fill(model.texts.more_lines, &[&more.to_string()]), style::faint()));
     }
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
 }

@@ -6,10 +6,9 @@ use ratatui::layout::Rect;
 use ratatui::style::Color;
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Circle, Line as Stroke};
 
-use super::{module, style};
+use super::{module, style, text};
 use crate::tui::model::{Glyphs, ScreenModel};
 
 /// Rows that the picture of a request needs.
@@ -18,7 +17,8 @@ pub(super) fn rows(ask: &Ask) -> u16 {
         Ask::Switches(_) | Ask::SwitchesAgain { .. } => 6,
         Ask::Heading { .. } => 9,
         Ask::Lay(_) | Ask::Turn { orientation: Some(_), .. } | Ask::Spin { orientation: Some(_), .. } => 10,
-        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => 0,
+        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable => 0,
+        Ask::Words(_) | Ask::Question(_) | Ask::LookOver(_) => 0,
         Ask::Resumed { next, .. } => rows(next),
     }
 }
@@ -35,7 +35,8 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, ask: 
         Ask::Spin { orientation: Some(orientation), rate_dps } => {
             module::draw(model, frame, area, orientation, Some(rate_dps.signum()));
         }
-        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable | Ask::Words(_) => {}
+        Ask::Turn { orientation: None, .. } | Ask::Spin { orientation: None, .. } | Ask::StopTable => {}
+        Ask::Words(_) | Ask::Question(_) | Ask::LookOver(_) => {}
         Ask::Resumed { next, .. } => draw(model, frame, area, next),
     }
 }
@@ -71,7 +72,7 @@ fn switches(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, on: Option<u
     ];
     let width = 5 * 4 + 2 + super::text::width(texts.on).max(super::text::width(texts.off)) as u16;
     let place = Rect { x: area.x + area.width.saturating_sub(width) / 2, width: width.min(area.width), ..area };
-    frame.render_widget(Paragraph::new(lines), place);
+    text::lines(frame, lines, place);
 }
 
 /// The table from above: its mark at the top, and where the module's reference axis is to point.

@@ -7,9 +7,8 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 
-use super::panels::block;
+use super::panels::block_in;
 use super::rows::first_shown;
 use super::{WIDE, detail, frame as edges, rows, shift, style, text};
 use crate::tui::lang::fill;
@@ -47,7 +46,7 @@ fn days(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         None => area,
     };
     let records = &model.records;
-    let block = block(&format!("{}: {}", texts.records, texts.days));
+    let block = block_in(&format!("{}: {}", texts.records, texts.days), area);
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let folder = model.bench.ready().map(|bench| bench.records.display().to_string()).unwrap_or_default();
@@ -69,7 +68,7 @@ fn days(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
             each.collect()
         }
     };
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
 }
 
 fn list(model: &ScreenModel, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
@@ -80,7 +79,7 @@ fn list(model: &ScreenModel, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
         Some(verdict) => texts.word_of(verdict).to_owned(),
     };
     let title = format!("{}: {} · {}: {filter}", texts.records, runs.day, texts.filter);
-    let mut block = block(&title);
+    let mut block = block_in(&title, area);
     if !records.search.is_empty() {
         block = block.title_bottom(format!(" {}: {}_ ", texts.search, text::shown(records.search.text())));
     }
@@ -113,7 +112,7 @@ fn list(model: &ScreenModel, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
         let same = index > first && before.is_some_and(|before| before.serial_number == run.serial_number);
         lines.push(line(index == records.run_cursor, run_spans(model, run, same, cells), cells));
     }
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
 }
 
 /// Width of an outcome in the list.
@@ -163,7 +162,7 @@ fn one(model: &ScreenModel, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
     let height = HEAD_OF_RUN + u16::try_from(reasons.len()).unwrap_or(1).max(1);
     let [top, body] = Layout::vertical([Constraint::Length(height), Constraint::Fill(1)]).areas(area);
     let name = text::shown(&open.path.file_name().unwrap_or_default().to_string_lossy());
-    let block = block(&name);
+    let block = block_in(&name, top);
     let inner = block.inner(top);
     frame.render_widget(block, top);
     let (sign, word, sign_style) = mark(model, open.mark);
@@ -182,7 +181,7 @@ fn one(model: &ScreenModel, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
     }
     lines.push(check(model, &open.check, cells));
     lines.extend(reasons.iter().map(|reason| Line::styled(text::cut(reason, cells), style::strong())));
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
     if area.width >= WIDE {
         let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(body);
         rows::of_record(model, &open.state, open.cursor, frame, left);

@@ -11,7 +11,6 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 
 use super::panels::bar;
 use super::{style, text};
@@ -60,7 +59,7 @@ pub(super) fn of_plan(model: &ScreenModel, plan: &PlanView, frame: &mut Frame<'_
         ];
         lines.push(marked(model, position == model.cursor, spans, usize::from(area.width)));
     }
-    frame.render_widget(Paragraph::new(lines), area);
+    text::lines(frame, lines, area);
 }
 
 /// The items of the run on the tests page.
@@ -112,7 +111,7 @@ impl List<'_> {
         }
         let first = first_shown(cursor_line, lines.len(), room);
         shown.extend(lines.into_iter().skip(first).take(room));
-        frame.render_widget(Paragraph::new(shown), area);
+        text::lines(frame, shown, area);
     }
 
     fn line(&self, columns: &Columns, here: bool, position: usize, row: &Row, cells: usize) -> Line<'static> {

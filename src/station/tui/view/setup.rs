@@ -4,7 +4,6 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 
 use super::panels::{block, mistakes};
 use super::{style, text};
@@ -14,25 +13,32 @@ use crate::tui::setup_form::{Form, FormLine, MAX_ROUNDS, RoundsKind};
 
 pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
-    let lines_height = FormLine::ALL.len() as u16 + 5;
+    let form_lines = form.lines();
+    let lines_height = form_lines.len() as u16 + 5;
     let [form_area, below] = Layout::vertical([Constraint::Length(lines_height), Constraint::Fill(1)]).areas(area);
     let block_ = block(texts.setup);
     let inner = block_.inner(form_area);
     frame.render_widget(block_, form_area);
     let cells = usize::from(inner.width);
-    let label_cells = FormLine::ALL.iter().map(|line| text::width(label(model, *line))).max().unwrap_or(0);
-    let mut lines: Vec<Line<'_>> = FormLine::ALL
+    let label_cells = form_lines.iter().map(|line| text::width(&label(model, form, *line))).max().unwrap_or(0);
+    let mut lines: Vec<Line<'_>> = form_lines
         .iter()
         .enumerate()
         .map(|(index, line)| {
             let here = index == form.line;
             let value = value(model, form, *line, here);
-            let arrows = if here && *line != FormLine::Operator { ("< ", " >") } else { ("  ", "  ") };
+            let arrows = if here
+                && !matches!(line, FormLine::Operator | FormLine::Part | FormLine::Revision | FormLine::Number(_))
+            {
+                ("< ", " >")
+            } else {
+                ("  ", "  ")
+            };
             let value = text::cut(&value, cells.saturating_sub(label_cells + 7));
             Line::from(vec![
                 Span::raw(if here { "> " } else { "  " }),
                 Span::styled(
-                    text::fit(label(model, *line), label_cells),
+                    text::fit(&label(model, form, *line), label_cells),
                     if here { style::strong() } else { style::faint() },
                 ),
                 Span::raw(" "),
@@ -44,28 +50,34 @@ pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area
         .collect();
     lines.push(Line::raw(""));
     lines.extend(text::wrap(texts.setup_hint, cells).into_iter().map(|line| Line::styled(line, style::faint())));
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
     match (&model.bench, &model.plan) {
         (Loaded::Refused(why), _) | (_, Loaded::Refused(why)) => mistakes(model, frame, below, why),
         (_, Loaded::Ready(plan)) => {
             let good = fill(texts.plan_good, &[&plan.items.len().to_string()]);
             let line = format!(" {} {}: {good}", text::shown(&plan.name), text::shown(&plan.version));
-            frame.render_widget(Line::raw(line), below);
+            text::lines(frame, [Line::raw(line)], below);
         }
-        _ => frame.render_widget(Line::raw(format!(" {}", texts.loading)), below),
+        _ => text::lines(frame, [Line::raw(format!(" {}", texts.loading))], below),
     }
 }
 
-fn label(model: &ScreenModel, line: FormLine) -> &'static str {
+fn label(model: &ScreenModel, form: &Form, line: FormLine) -> String {
     let texts = model.texts;
-    match line {
+    let text = match line {
+        FormLine::Number(index) => {
+            return form.numbers.get(index).map(|number| text::shown(&number.label)).unwrap_or_default();
+        }
         FormLine::Plan => texts.setup_plan,
         FormLine::Bench => texts.setup_bench,
         FormLine::Operator => texts.setup_operator,
+        FormLine::Part => texts.setup_part,
+        FormLine::Revision => texts.setup_revision,
         FormLine::Rounds => texts.setup_rounds,
         FormLine::AfterFailure => texts.setup_on_fail,
         FormLine::Language => texts.setup_language,
-    }
+    };
+    text.to_owned()
 }
 
 fn value(model: &ScreenModel, form: &Form, line: FormLine, here: bool) -> String {
@@ -75,6 +87,9 @@ fn value(model: &ScreenModel, form: &Form, line: FormLine, here: bool) -> String
         FormLine::Plan => typed(form.plan.text()),
         FormLine::Bench => typed(form.bench.text()),
         FormLine::Operator => typed(form.operator.text()),
+        FormLine::Part => form.part.as_ref().map(|[part, _]| typed(part.text())).unwrap_or_default(),
+        FormLine::Revision => form.part.as_ref().map(|[_, revision]| typed(revision.text())).unwrap_or_default(),
+        FormLine::Number(index) => form.numbers.get(index).map(|number| typed(number.field.text())).unwrap_or_default(),
         FormLine::Rounds => {
             let number = typed(form.number.text());
             let words = match form.rounds {

@@ -6,9 +6,8 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
 
-use super::panels::block;
+use super::panels::block_in;
 use super::{style, text};
 use crate::tui::lang::fill;
 use crate::tui::model::ScreenModel;
@@ -42,7 +41,7 @@ pub(super) fn short(model: &ScreenModel, shift: &Shift) -> String {
 pub(super) fn panel(model: &ScreenModel, shift: &Shift, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let since = shift.since.format("%H:%M").to_string();
-    let block = block(&fill(texts.shift_since, &[&since, &shift.modules.len().to_string()]));
+    let block = block_in(&fill(texts.shift_since, &[&since, &shift.modules.len().to_string()]), area);
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let cells = usize::from(inner.width);
@@ -63,7 +62,7 @@ pub(super) fn panel(model: &ScreenModel, shift: &Shift, frame: &mut Frame<'_>, a
         Line::styled(text::cut(texts.last_modules, cells), style::faint()),
     ];
     lines.extend(shift.modules.iter().rev().take(LISTED).map(|module| module_line(model, module)));
-    frame.render_widget(Paragraph::new(lines), inner);
+    text::lines(frame, lines, inner);
 }
 
 fn module_line(model: &ScreenModel, module: &ModuleOfShift) -> Line<'static> {

@@ -1,7 +1,10 @@
 //! Text in cells: Chinese characters take two, and nothing may be wider than its place.
 
 use gnc_text::printable;
-use ratatui::text::Span;
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
 
 /// Text from outside as the screen shows it. It keeps only characters that have the same width on all terminals. A
 /// character that combines with others, or runs from right to left, would shift all text behind it.
@@ -44,6 +47,44 @@ pub(super) fn cut(text: &str, cells: usize) -> String {
         out.push('…');
     }
     out
+}
+
+/// The line in at most `cells` cells, with an ellipsis if it is cut. Spaces at its end may go without one.
+pub(super) fn marked(line: Line<'static>, cells: usize) -> Line<'static> {
+    let text: String = line.spans.iter().map(|span| span.content.as_ref()).collect();
+    if width(text.trim_end()) <= cells {
+        return line;
+    }
+    let Line { spans, style, alignment } = line;
+    let (mut kept, mut room) = (Vec::new(), cells.saturating_sub(1));
+    for span in spans {
+        if span.width() <= room {
+            room -= span.width();
+            kept.push(span);
+            continue;
+        }
+        // One cell more for the ellipsis, which ends the line.
+        kept.push(Span::styled(cut(&span.content, room + 1), span.style));
+        break;
+    }
+    Line { spans: kept, style, alignment }
+}
+
+/// Keeps the lines that have room, with a mark if some go.
+pub(super) fn shorten(lines: &mut Vec<String>, room: usize, cells: usize) {
+    if lines.len() > room {
+        lines.truncate(room);
+        if let Some(last) = lines.last_mut() {
+            *last = cut(&format!("{last} …"), cells);
+        }
+    }
+}
+
+/// Draws lines from the top of their place. What is wider than the place ends with an ellipsis.
+pub(super) fn lines(frame: &mut Frame<'_>, lines: impl IntoIterator<Item = Line<'static>>, area: Rect) {
+    let cells = usize::from(area.width);
+    let lines: Vec<Line<'static>> = lines.into_iter().map(|line| marked(line, cells)).collect();
+    frame.render_widget(Paragraph::new(lines), area);
 }
 
 /// The text in exactly `cells` cells.

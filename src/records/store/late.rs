@@ -1,0 +1,112 @@
+//! Closes runs late: a power cut may come between the end of a run and its line in the chain. Then the run is whole, and
+//! nothing in its folder proves that nobody changed it meanwhile. So it gets a line with a mark that stays, and never
+//! counts as a pass.
+//!
+//! Only the next start of the same station does so, and only for a run that a power cut can have left. A run that the
+//! chain names, that another station wrote, or whose files contradict its journal stays as it is.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use gnc_executive::record::{ItemFile, RunRecord};
+use gnc_executive::state::RunState;
+
+use super::chain::{self, Before, LateClose};
+use super::closing::{self, Sealer};
+use super::{DIGESTS, ITEM, JOURNAL, RECORD, RunFolder, SIGNATURE, StoreError, cut_off, item_folder, on, reader};
+
+/// Closes those of the ended runs that a sudden end of this station left, and returns what was done with each. `before` is
+/// the chain before this start wrote into it, and `others` the number of all runs that are closed or ended.
+pub(super) fn close(
+    records: &Path,
+    ended: Vec<PathBuf>,
+    before: &Before,
+    others: usize,
+    sealer: &Sealer<'_>,
+) -> Vec<(PathBuf, Result<String, StoreError>)> {
+    // Only the first run of a folder can miss a chain without any line. If there are more, the chain was lost.
+    if before.is_new() && others > 1 {
+        return Vec::new();
+    }
+    let left = ended.into_iter().filter(|run| before.may_lack(records, run));
+    let done = left.filter_map(|run| match close_one(records, &run, sealer) {
+        Ok(what) => what.map(|what| (run, Ok(what))),
+        Err(error) => Some((run, Err(error))),
+    });
+    done.collect()
+}
+
+/// Closes a run. `None`: the run goes on, is of another station, or its files are not what its journal says.
+fn close_one(records: &Path, run: &Path, sealer: &Sealer<'_>) -> Result<Option<String>, StoreError> {
+    let path = run.join(JOURNAL);
+    let Ok(_held) = closing::hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(None) };
+    // Another station may have closed it meanwhile.
+    if chain::unknown(records, vec![run.to_owned()])?.is_empty() {
+        return Ok(None);
+    }
+    let Ok(state) = reader::fold(run) else { return Ok(None) };
+    let record = RunRecord::from_state(&state).filter(|record| !record.interrupted);
+    let Some(record) = record.filter(|record| record.station == sealer.station) else { return Ok(None) };
+    let late = LateClose::new(sealer.at, &format!("{}-{}", sealer.program.name, sealer.program.version));
+    if run.join(DIGESTS).exists() {
+        if !reader::verify(run).is_empty() {
+            return Ok(None);
+        }
+        chain::append_as(run, Some(&late))?;
+    } else {
+        if contradicts(run, &record)? {
+            return Ok(None);
+        }
+        closing::clear_away(run)?;
+        // A signature without digests is of digests that are lost.
+        remove(&run.join(SIGNATURE))?;
+        let folder = RunFolder::existing(run).signed_with(sealer.key.cloned());
+        complete_items(&folder, &state)?;
+        let cut_off = cut_off::complete(&folder)?.files;
+        closing::close(&folder, Some(&record), &cut_off, Some(&late))?;
+    }
+    let ended = record.finished.map_or_else(String::new, |at| format!(" at {}", at.format("%F %T")));
+    let serial_number = gnc_text::printable(&record.serial_number);
+    Ok(Some(format!(
+        "ended{ended}, and its station ended before the run was in the chain; it is closed late now and never counts as a pass; \
+         test {serial_number} again"
+    )))
+}
+
+/// Whether the record for programs is whole and says something else than the journal: no power cut does that.
+fn contradicts(run: &Path, record: &RunRecord) -> Result<bool, StoreError> {
+    let path = run.join(RECORD);
+    let bytes = match fs::read(&path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        read => on(read, "read", &path)?,
+    };
+    // A power cut may leave half of the file, or zeros: it is made again.
+    Ok(match serde_json::from_slice::<serde_json::Value>(&bytes) {
+        Ok(value) => serde_json::from_value::<RunRecord>(value).ok().as_ref() != Some(record),
+        Err(_) => false,
+    })
+}
+
+/// Makes those files of items again that a power cut left empty or in pieces.
+fn complete_items(folder: &RunFolder, state: &RunState) -> Result<(), StoreError> {
+    for (position, row) in state.rows().iter().enumerate() {
+        let name = format!("{}/{ITEM}", item_folder(position, &row.planned.name));
+        let stored = fs::read(folder.path().join(&name)).unwrap_or_default();
+        let is_whole = serde_json::from_slice::<serde_json::Value>(&stored).is_ok();
+        if let Some(file) = ItemFile::from_state(state, position).filter(|_| !is_whole) {
+            folder.put(&name, |out| closing::pretty(out, &file))?;
+        }
+    }
+    Ok(())
+}
+
+fn remove(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => on(Err(error), "remove", path),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,346 @@
+//! Power cuts at every point between the end of a run and its line in the chain, and what must never be closed late.
+
+use chrono::{DateTime, FixedOffset};
+use gnc_executive::event::{BenchKind, ProgramVersion};
+use gnc_executive::outcome::Outcome;
+use gnc_executive::standing::{Flaw, Seal};
+use serde_json::json;
+
+use super::*;
+use crate::shift::{ShiftBook, ShiftOf};
+use crate::standing::Seals;
+use crate::store::chain::{CHAIN, COUNTER, LateCloses};
+use crate::store::{LOG, PLAN};
+
+const DAY: &str = "2026-11-28";
+const STATION: &str = "bench 1";
+const SEALED: &str = "2026-11-28T16:00:00+08:00";
+
+fn time(text: &str) -> DateTime<FixedOffset> {
+    text.parse().unwrap()
+}
+
+/// The journal of a whole run of no items that passed.
+fn journal(serial_number: &str, station: &str, time: &str) -> String {
+    let at = format!("{DAY}T{time}+08:00");
+    let header = json!({
+        "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": station,
+        "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": "real" }, "selection": null, "loop": null,
+        "plan": { "name": "functional", "version": "1.0", "sha256": "aa" },
+    });
+    let begun = json!({ "seq": 0, "at": at, "elapsed_us": 0, "kind": "run_started", "header": header, "items": [] });
+    let ended = json!({ "seq": 1, "at": at, "elapsed_us": 5, "kind": "run_ended", "outcome": "passed" });
+    format!("{begun}\n{ended}\n")
+}
+
+struct Shelf {
+    folder: tempfile::TempDir,
+}
+
+impl Shelf {
+    fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// A run that has its end and was not closed.
+    fn ended(&self, serial_number: &str, station: &str, time: &str) -> PathBuf {
+        let name = format!("{DAY}/{serial_number}/{}-functional", time.replace(':', ""));
+        let run = self.path().join(name);
+        fs::create_dir_all(run.join(PLAN)).unwrap();
+        fs::write(run.join(PLAN).join("01-functional.toml"), "name = \"functional\"").unwrap();
+        fs::write(run.join(JOURNAL), journal(serial_number, station, time)).unwrap();
+        run
+    }
+
+    fn closed(&self, serial_number: &str, time: &str) -> PathBuf {
+        let run = self.ended(serial_number, STATION, time);
+        close_now(&run);
+        run
+    }
+
+    fn start(&self) -> Vec<String> {
+        start_of(self.path(), STATION)
+    }
+
+    fn late(&self) -> (usize, Vec<String>) {
+        let checked = chain::verify(self.path()).unwrap();
+        (checked.late, checked.problems)
+    }
+
+    fn seal(&self, run: &Path) -> Seal {
+        Seals::new(self.path()).seal(run).unwrap()
+    }
+}
+
+/// As the station that carried the run out closes it.
+fn close_now(run: &Path) {
+    let record = RunRecord::from_state(&reader::fold(run).unwrap());
+    closing::close(&RunFolder::existing(run), record.as_ref(), &[], None).unwrap();
+}
+
+fn start_of(records: &Path, station: &str) -> Vec<String> {
+    let program = ProgramVersion { name: "gnc station".to_owned(), version: "1.3".to_owned(), build: None };
+    closing::seal_interrupted(records, &Sealer { station, program: &program, at: time(SEALED), key: None })
+}
+
+/// The content of a file, or nothing.
+fn keep(file: PathBuf) -> impl Fn() {
+    let content = fs::read(&file).ok();
+    move || match &content {
+        Some(content) => fs::write(&file, content).unwrap(),
+        None => drop(fs::remove_file(&file)),
+    }
+}
+
+/// A run is closed, in an empty folder or behind another run; then `undo` makes of it what a power cut leaves. The next
+/// start closes it late, and it stays so.
+#[track_caller]
+fn check(name: &str, undo: impl Fn(&Path, &Path, &[u8])) {
+    for others in [0, 1, 2] {
+        let shelf = Shelf::new();
+        for other in 0..others {
+            shelf.closed("SN-0", &format!("10:00:0{other}"));
+        }
+        let [chain, counter] = [shelf.path().join(DAY).join(CHAIN), shelf.path().join(COUNTER)];
+        let (chain_before, counter_before) = (keep(chain.clone()), keep(counter));
+        let length = fs::read(&chain).map_or(0, |text| text.len());
+        let run = shelf.closed("SN-1", "14:30:00");
+        let line = fs::read(&chain).unwrap()[length..].to_vec();
+        chain_before();
+        counter_before();
+        undo(&run, &chain, &line);
+        assert_ne!(shelf.seal(&run), Seal::Chained, "{name}");
+
+        let said = shelf.start();
+        assert!(
+            said.len() == 1 && said[0].contains("SN-1/143000-functional ended at 2026-11-28 14:30:00"),
+            "{name}: {said:?}"
+        );
+        assert!(said[0].contains("closed late now and never counts as a pass; test SN-1 again"), "{name}: {said:?}");
+        let holds = || {
+            assert_eq!(reader::verify(&run), Vec::<String>::new(), "{name}");
+            assert_eq!(shelf.late(), (1, Vec::new()), "{name}");
+            assert_eq!(shelf.seal(&run), Seal::Flawed(Flaw::ClosedLate), "{name}");
+            assert_eq!(chain::standing(&run).unwrap(), chain::ChainStanding::Late, "{name}");
+            let late = LateCloses::default().of(&run).unwrap().expect("a mark");
+            assert_eq!((late.at.as_str(), late.by.as_str()), (SEALED, "gnc_station-1.3"), "{name}");
+        };
+        holds();
+        // A second start changes nothing, and neither do the next runs.
+        assert_eq!(shelf.start(), Vec::<String>::new(), "{name}");
+        let next = shelf.closed("SN-2", "15:00:00");
+        holds();
+        assert_eq!(shelf.seal(&next), Seal::Chained, "{name}");
+        assert_eq!(chain::verify(shelf.path()).unwrap().runs, others + 2, "{name}");
+    }
+}
+
+fn without(run: &Path, files: &[&str]) {
+    files.iter().for_each(|file| fs::remove_file(run.join(file)).unwrap());
+}
+
+#[test]
+fn a_power_cut_before_the_digests_closes_the_run_late() {
+    let made = [LOG, RECORD, crate::report::REPORT, DIGESTS];
+    for count in 0..made.len() {
+        check(&format!("{count} files made"), |run, _, _| without(run, &made[count..]));
+    }
+    for (name, content) in [("half", &b"{\"schema\": \"gnc-r"[..]), ("empty", b""), ("zeros", &[0; 700])] {
+        check(&format!("{name} of run.json"), |run, _, _| {
+            without(run, &made[2..]);
+            fs::write(run.join(RECORD), content).unwrap();
+        });
+    }
+    check("part files", |run, _, _| {
+        without(run, &made[3..]);
+        fs::write(run.join("SHA256SUMS.part"), "abc").unwrap();
+        fs::write(run.join(SIGNATURE), "of other digests").unwrap();
+    });
+}
+
+#[test]
+fn a_power_cut_within_the_line_of_the_chain_closes_the_run_late() {
+    check("no line", |_, _, _| {});
+    let length = {
+        let shelf = Shelf::new();
+        shelf.closed("SN-1", "14:30:00");
+        fs::read(shelf.path().join(DAY).join(CHAIN)).unwrap().len()
+    };
+    // Half a name of a run looks like a whole one.
+    for bytes in [1, 3, 100, length - 30, length - 10, length - 2, length - 1] {
+        check(&format!("{bytes} bytes of the line"), |_, chain, line| {
+            let before = fs::read(chain).unwrap_or_default();
+            fs::write(chain, [&before, &line[..bytes]].concat()).unwrap();
+        });
+    }
+    check("zeros", |_, chain, _| {
+        let before = fs::read(chain).unwrap_or_default();
+        fs::write(chain, [&before[..], &[0; 200], &[0xff; 3]].concat()).unwrap();
+    });
+}
+
+/// The line is on disk and the counter is not: the run is closed as it should be.
+#[test]
+fn a_whole_line_without_its_count_is_not_late() {
+    let shelf = Shelf::new();
+    shelf.closed("SN-0", "10:00:00");
+    let counter_before = keep(shelf.path().join(COUNTER));
+    let run = shelf.closed("SN-1", "14:30:00");
+    counter_before();
+    assert_eq!((shelf.start(), shelf.late()), (Vec::new(), (0, Vec::new())));
+    assert_eq!(shelf.seal(&run), Seal::Chained);
+}
+
+#[test]
+fn a_run_that_no_power_cut_of_this_station_left_is_not_closed_late() {
+    let not = |name: &str, spoil: &dyn Fn(&Shelf) -> PathBuf| {
+        let shelf = Shelf::new();
+        shelf.closed("SN-0", "10:00:00");
+        shelf.closed("SN-0", "10:00:01");
+        let run = spoil(&shelf);
+        assert_eq!(shelf.start(), Vec::<String>::new(), "{name}");
+        assert_eq!(chain::verify(shelf.path()).unwrap().late, 0, "{name}");
+        assert_ne!(shelf.seal(&run), Seal::Chained, "{name}");
+    };
+    not("another station's", &|shelf| shelf.ended("SN-1", "bench 2", "14:30:00"));
+    not("named by the chain, without digests", &|shelf| {
+        let run = shelf.closed("SN-1", "14:30:00");
+        without(&run, &[DIGESTS]);
+        run
+    });
+    not("a record that says something else", &|shelf| {
+        let run = shelf.ended("SN-1", STATION, "14:30:00");
+        let mut record = RunRecord::from_state(&reader::fold(&run).unwrap()).unwrap();
+        record.operator = Some("somebody".to_owned());
+        fs::write(run.join(RECORD), serde_json::to_vec(&record).unwrap()).unwrap();
+        run
+    });
+    not("changed behind its digests", &|shelf| {
+        let chain_before = keep(shelf.path().join(DAY).join(CHAIN));
+        let counter_before = keep(shelf.path().join(COUNTER));
+        let run = shelf.closed("SN-1", "14:30:00");
+        chain_before();
+        counter_before();
+        fs::write(run.join(LOG), "all is well").unwrap();
+        run
+    });
+    not("a chain that lost its lines", &|shelf| {
+        fs::remove_file(shelf.path().join(DAY).join(CHAIN)).unwrap();
+        shelf.path().join(DAY).join("SN-0/100000-functional")
+    });
+    not("a chain that was lost as a whole", &|shelf| {
+        fs::remove_file(shelf.path().join(DAY).join(CHAIN)).unwrap();
+        fs::remove_file(shelf.path().join(COUNTER)).unwrap();
+        shelf.path().join(DAY).join("SN-0/100000-functional")
+    });
+    // An interrupted run gets its line first, and that line hides no loss.
+    not("a chain that lost its lines, and an interrupted run", &|shelf| {
+        let run = shelf.closed("SN-1", "14:30:00");
+        fs::remove_file(shelf.path().join(DAY).join(CHAIN)).unwrap();
+        let cut = shelf.ended("SN-2", STATION, "15:00:00");
+        let text = journal("SN-2", STATION, "15:00:00");
+        fs::write(cut.join(JOURNAL), text.split_inclusive('\n').next().unwrap()).unwrap();
+        assert!(shelf.start().iter().all(|line| line.contains("was interrupted")));
+        // The line of the next run hides it neither.
+        assert!(shelf.start().is_empty());
+        run
+    });
+    not("from before the chain", &|shelf| {
+        let run = shelf.ended("SN-1", STATION, "14:30:00");
+        let to = shelf.path().join("2026-11-27/SN-1/143000-functional");
+        fs::create_dir_all(to.parent().unwrap()).unwrap();
+        fs::rename(run, &to).unwrap();
+        to
+    });
+}
+
+/// The run that goes on has an end already, and its station is closing it.
+#[test]
+fn a_run_that_its_station_closes_now_is_left_to_it() {
+    let shelf = Shelf::new();
+    shelf.closed("SN-0", "10:00:00");
+    let run = shelf.ended("SN-1", STATION, "14:30:00");
+    let held = closing::hold(File::open(run.join(JOURNAL)).unwrap(), &run).unwrap();
+    assert_eq!(shelf.start(), Vec::<String>::new());
+    assert_eq!(shelf.seal(&run), Seal::Flawed(Flaw::UnderWay));
+    drop(held);
+    assert_eq!(shelf.start().len(), 1);
+}
+
+/// Another start of the other station does it for its own run.
+#[test]
+fn each_station_closes_its_own_runs() {
+    let shelf = Shelf::new();
+    shelf.closed("SN-0", "10:00:00");
+    let run = shelf.ended("SN-1", "bench 2", "14:30:00");
+    assert!(shelf.start().is_empty());
+    assert_eq!(start_of(shelf.path(), "bench 2").len(), 1);
+    assert_eq!(shelf.seal(&run), Seal::Flawed(Flaw::ClosedLate));
+}
+
+/// Another module was in the socket: such a run moves before it is closed, and the power may fail between the two steps of
+/// the move.
+#[test]
+fn a_run_of_another_module_is_closed_late_where_it_belongs() {
+    let shelf = Shelf::new();
+    shelf.closed("SN-0", "10:00:00");
+    let run = shelf.ended("SN-1", STATION, "14:30:00");
+    let text = journal("SN-1", STATION, "14:30:00");
+    let (begun, ended) = text.split_once('\n').unwrap();
+    let at = format!("{DAY}T14:30:00+08:00");
+    let other =
+        json!({ "seq": 1, "at": at, "elapsed_us": 2, "kind": "other_module", "scanned": "SN-1", "found": "SN-9" });
+    let ended = ended.replace("\"seq\":1", "\"seq\":2").replace("passed", "errored");
+    fs::write(run.join(JOURNAL), format!("{begun}\n{other}\n{ended}")).unwrap();
+    let unassigned = shelf.path().join(DAY).join(crate::store::UNASSIGNED);
+    fs::create_dir_all(unassigned.join("143000-functional")).unwrap();
+    assert_eq!(shelf.start().len(), 1);
+    assert_eq!((shelf.late(), run.exists()), ((1, Vec::new()), false));
+    let moved = unassigned.join("143000-functional-2");
+    assert_eq!((reader::verify(&moved), shelf.seal(&moved)), (Vec::new(), Seal::Flawed(Flaw::ClosedLate)));
+    assert!(reader::check(&unassigned.join("143000-functional")).problems.is_empty(), "the place that was kept for it");
+}
+
+/// Who puts a folder into the records gets it closed late, and cannot take the mark away.
+#[test]
+fn the_mark_stays() {
+    let shelf = Shelf::new();
+    shelf.closed("SN-0", "10:00:00");
+    let run = shelf.ended("SN-1", STATION, "14:30:00");
+    shelf.start();
+    assert!(
+        fs::read_to_string(run.join(LOG))
+            .unwrap()
+            .contains("CLOSED LATE: closed late at 2026-11-28 16:00:00 by gnc_station-1.3")
+    );
+    let report = fs::read_to_string(run.join(crate::report::REPORT)).unwrap();
+    assert!(report.contains("CLOSED LATE") && report.contains("no: closed late"));
+    let chain = shelf.path().join(DAY).join(CHAIN);
+    let text = fs::read_to_string(&chain).unwrap();
+    let unmarked: String = text.lines().map(|line| line.split(" late ").next().unwrap().to_owned() + "\n").collect();
+    assert_ne!(unmarked, text);
+    fs::write(&chain, unmarked).unwrap();
+    assert_eq!(shelf.seal(&run), Seal::Flawed(Flaw::Changed));
+    let problems = shelf.late().1;
+    assert!(problems.len() == 1 && problems[0].contains("its line in the chain was changed"), "{problems:?}");
+    // Words behind a line are no part of it either.
+    fs::write(&chain, text.replacen("functional\n", "functional late\n", 1)).unwrap();
+    assert!(!shelf.late().1.is_empty());
+}
+
+/// The counters of a shift do not take it for a pass.
+#[test]
+fn a_shift_counts_no_pass() {
+    let shelf = Shelf::new();
+    shelf.closed("SN-0", "10:00:00");
+    shelf.ended("SN-1", STATION, "14:30:00");
+    shelf.start();
+    let of = ShiftOf { records: shelf.path().to_owned(), station: STATION.to_owned(), kind: BenchKind::Real };
+    let shift = ShiftBook::new(of).shift(time("2026-11-28T06:00:00+08:00"), time(SEALED));
+    let outcomes: Vec<Outcome> = shift.modules.iter().map(|module| module.outcome).collect();
+    assert_eq!(outcomes, [Outcome::Passed, Outcome::Errored]);
+}
