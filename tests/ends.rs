@@ -284,7 +284,7 @@ fn a_run_that_ended_before_it_was_closed_is_closed_late() {
     let list = place.run(["records", "list"]).stdout;
     assert_eq!(list.lines().filter(|line| line.contains("closed late")).count(), 1, "{list}");
     let json: serde_json::Value = serde_json::from_str(&place.run(["records", "list", "--json"]).stdout).expect("JSON");
-    let seals: Vec<_> = json.as_array().into_iter().flatten().map(|one| (&one["run"] == name, &one["seal"])).collect();
+    let seals: Vec<_> = json.as_array().into_iter().flatten().map(|one| (one["run"] == name, &one["seal"])).collect();
     assert_eq!(seals, [(false, &"held".into()), (true, &"closed_late".into()), (false, &"held".into())]);
 
     let table = place.run(["records", "list", "--csv"]).stdout;
