@@ -371,8 +371,8 @@ impl RunView {
 #[derive(Debug, Default)]
 pub(crate) struct Scan {
     pub typed: InputField,
-    /// What a hand has typed while a question was open; the beginning of a scan may be among it.
-    pub unseen: String,
+    /// The last characters that came as keys, whether a field took them or not; the beginning of a scan may be among them.
+    pub recent: String,
     /// `typed` is a scan without a line end.
     pub typed_by_scanner: bool,
     /// The scans of this scanner have a line end, so one without was cut off.
@@ -452,11 +452,11 @@ pub(crate) struct ScreenModel {
 }
 
 impl Scan {
-    /// Keeps a character that was typed while a question was open, and forgets what no scan can reach back to.
-    pub(crate) fn keep_unseen(&mut self, character: char) {
-        self.unseen.push(character);
-        if self.unseen.chars().count() > MAX_CHARACTERS {
-            self.unseen.remove(0);
+    /// Keeps a character that came as a key, and forgets what no scan can reach back to.
+    pub(crate) fn keep(&mut self, character: char) {
+        self.recent.push(character);
+        if self.recent.chars().count() > MAX_CHARACTERS {
+            self.recent.remove(0);
         }
     }
 }

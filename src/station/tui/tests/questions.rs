@@ -65,6 +65,20 @@ fn half_a_number_is_not_in_the_way_of_an_answer() {
     assert_eq!(scene.model.scan.typed.text(), "SN-");
 }
 
+/// The field of rounds takes digits alone: it loses those of the scan, and keeps its own.
+#[test]
+fn a_scan_takes_back_only_what_a_field_has_taken() {
+    let mut scene = scene(Lang::En);
+    scene.key(Key::F(2));
+    (0..3).for_each(|_| drop(scene.key(Key::Down)));
+    scene.key(Key::Right);
+    scene.types("2");
+    let before = scene.model.over.clone();
+    scene.types("7S");
+    scene.tell(Msg::Scan(Scanned { bytes: b"N-0002\r".to_vec(), ended: true, taken_back: 2, dropped: 0 }));
+    assert_eq!((scene.model.scan.current.as_deref(), &scene.model.over), (Some("7SN-0002"), &before));
+}
+
 /// A scan reaches the number from a question as well, with the letters that came as keys before it was known to be one.
 #[test]
 fn a_scan_during_a_question_is_whole_and_answers_nothing() {

@@ -19,6 +19,9 @@ const PAGE_LINES: isize = 10;
 
 pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
     let place = model.place();
+    if let Key::Char(character) | Key::Pasted(character) = key {
+        model.scan.keep(character);
+    }
     if place == KeyContext::Setup && is_text(key) {
         if let Some(Over::Setup(form)) = model.over.last_mut() {
             form.typed(key);
@@ -52,18 +55,14 @@ pub(super) fn is_asking(place: KeyContext) -> bool {
     )
 }
 
-/// Text that a hand types while a question waits is for nobody. The beginning of a scan may be among it, so it is kept
-/// out of sight until the scan takes it back. `Some`: the key was text, or ended a scan.
+/// Text that a hand types while a question waits is for nobody. `Some`: the key was text, or ended a scan.
 #[expect(clippy::option_option, reason = "whether the key was taken, and what it asks for")]
 fn in_question(model: &mut ScreenModel, key: Key) -> Option<Option<Effect>> {
     match key {
-        Key::Enter | Key::Tab if model.scan.typed_by_scanner => return Some(scan::finish_typed(model).unwrap_or(None)),
-        Key::Char(character) | Key::Pasted(character) => model.scan.keep_unseen(character),
-        Key::Backspace => drop(model.scan.unseen.pop()),
-        Key::Control => model.scan.unseen.clear(),
-        _ => return None,
+        Key::Enter | Key::Tab if model.scan.typed_by_scanner => Some(scan::finish_typed(model).unwrap_or(None)),
+        Key::Char(_) | Key::Pasted(_) | Key::Backspace | Key::Control => Some(None),
+        _ => None,
     }
-    Some(None)
 }
 
 /// Adds text to the serial number, or to the search of the records. `Some`: the key was text, or ended it.

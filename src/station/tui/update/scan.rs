@@ -88,22 +88,26 @@ fn take_scanned(model: &mut ScreenModel, number: &str, typed: &InputField) -> Op
     effect
 }
 
-/// Takes characters back that were given as keys before they turned out to be the beginning of a scan.
+/// Takes characters back that were given as keys before they turned out to be the beginning of a scan. The field that has
+/// taken some of them loses them; a field of digits, or a question, has taken none.
 fn take_back(model: &mut ScreenModel, count: usize) -> String {
+    let kept = model.scan.recent.chars().count().saturating_sub(count);
+    let taken: String = std::mem::take(&mut model.scan.recent).chars().skip(kept).collect();
     let searching = model.place() == KeyContext::Records;
-    if super::keys::is_asking(model.place()) {
-        let kept = model.scan.unseen.chars().count().saturating_sub(count);
-        return std::mem::take(&mut model.scan.unseen).chars().skip(kept).collect();
-    }
+    let asking = super::keys::is_asking(model.place());
     let field = match model.over.last_mut() {
         Some(Over::Setup(form)) => form.field_here(),
+        _ if asking => None,
         _ if searching => Some(&mut model.records.search),
         _ => Some(&mut model.scan.typed),
     };
-    let Some(field) = field else { return String::new() };
-    let kept = field.text().chars().count().saturating_sub(count);
-    let taken = field.text().chars().skip(kept).collect();
-    (0..count).for_each(|_| field.pop());
+    if let Some(field) = field {
+        for character in taken.chars().rev() {
+            if field.text().ends_with(character) {
+                field.pop();
+            }
+        }
+    }
     taken
 }
 
