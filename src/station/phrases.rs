@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use std::sync::LazyLock;
 
 use form::{Form, PlaceKind};
-pub(crate) use table::{Sentence, all};
+use table::all;
 
 use crate::args::Lang;
 
@@ -100,7 +100,8 @@ impl Phrases {
 
     /// The text as sentences behind each other, joined by a sign.
     fn in_parts(&self, text: &str, left: &mut u32) -> Option<String> {
-        let joints = || JOINTS.iter().flat_map(|(sign, zh)| text.match_indices(sign).map(move |(at, _)| (at, *sign, *zh)));
+        let joints =
+            || JOINTS.iter().flat_map(|(sign, zh)| text.match_indices(sign).map(move |(at, _)| (at, *sign, *zh)));
         let mut places: Vec<_> = joints().collect();
         places.sort_unstable_by_key(|(at, ..)| *at);
         for (at, sign, zh) in places {

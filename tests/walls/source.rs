@@ -66,7 +66,12 @@ const FOR_PROGRAMMERS: [&str; 11] = [
 pub(crate) fn modules(root: &Path, load: Load<'_>) -> Result<Vec<Module>, String> {
     let mut found = Vec::new();
     let folder = root.parent().unwrap_or(Path::new(""));
-    read(Module { path: Vec::new(), file: root.to_owned(), named: Vec::new(), texts: Vec::new() }, folder, load, &mut found)?;
+    read(
+        Module { path: Vec::new(), file: root.to_owned(), named: Vec::new(), texts: Vec::new() },
+        folder,
+        load,
+        &mut found,
+    )?;
     Ok(found)
 }
 
@@ -185,11 +190,14 @@ impl Inside {
             }
             [TokenTree::Group(group), ..] => {
                 let before = tokens[..at].iter().rev().find(|token| !is_punct(token, '!'));
-                let quiet = matches!(before, Some(TokenTree::Ident(word)) if FOR_PROGRAMMERS.iter().any(|one| word == one));
+                let quiet =
+                    matches!(before, Some(TokenTree::Ident(word)) if FOR_PROGRAMMERS.iter().any(|one| word == one));
                 self.quietly(quiet, |inside| inside.group(group))
             }
             [TokenTree::Literal(literal), ..] => {
-                if !self.quiet && let Ok(text) = syn::parse_str::<syn::LitStr>(&literal.to_string()) {
+                if !self.quiet
+                    && let Ok(text) = syn::parse_str::<syn::LitStr>(&literal.to_string())
+                {
                     self.texts.push(Text { text: text.value(), line: literal.span().start().line });
                 }
                 1

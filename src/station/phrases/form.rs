@@ -130,7 +130,8 @@ impl Form {
 fn takes(kind: PlaceKind, value: &str) -> bool {
     let in_number = |byte: u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'+' | b'-' | b'e' | b',');
     match kind {
-        PlaceKind::Text => true,
+        // A value is one line; what follows on the next is another sentence.
+        PlaceKind::Text => !value.contains('\n'),
         PlaceKind::Number => value.bytes().any(|byte| byte.is_ascii_digit()) && value.bytes().all(in_number),
         PlaceKind::Sentence => !value.is_empty(),
     }

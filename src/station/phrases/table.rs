@@ -5,7 +5,16 @@ use std::sync::LazyLock;
 
 use serde::Deserialize;
 
-const FILES: [(&str, &str); 2] = [("board", include_str!("board.toml")), ("link", include_str!("link.toml"))];
+const FILES: [(&str, &str); 8] = [
+    ("analysis", include_str!("analysis.toml")),
+    ("bench", include_str!("bench.toml")),
+    ("board", include_str!("board.toml")),
+    ("executive", include_str!("executive.toml")),
+    ("link", include_str!("link.toml")),
+    ("metrology", include_str!("metrology.toml")),
+    ("records", include_str!("records.toml")),
+    ("station", include_str!("station.toml")),
+];
 
 /// A sentence in each language.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

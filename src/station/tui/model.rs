@@ -1,5 +1,6 @@
 //! All that the screen knows. Only [`update`](super::update::update) changes it, and drawing only reads it.
 
+use std::borrow::Cow;
 use std::cell::Cell;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -29,6 +30,7 @@ use super::pending::{Interrupted, PendingStart};
 pub(crate) use super::prompt::Prompt;
 use super::records::Records;
 use crate::files::ChangedFile;
+use crate::phrases::in_language;
 
 /// The time, passed in so that every screen can be drawn again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -462,6 +464,11 @@ impl Scan {
 }
 
 impl ScreenModel {
+    /// What another part of the station says, in the language of the screen.
+    pub(crate) fn said<'a>(&self, text: &'a str) -> Cow<'a, str> {
+        in_language(text, self.lang)
+    }
+
     pub(crate) fn new(lang: Lang, look: Look, now: Now) -> Self {
         Self {
             lang,

@@ -19,11 +19,12 @@ use gnc_records::shift::Shift;
 
 use super::decode::Key;
 use super::input::{Input, Scanned};
-use super::lang::{Lang, Texts, fill};
+use super::lang::{Lang, fill};
 use super::model::{BenchView, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage};
 use super::pending::{Interrupted, Prepared};
 use super::records::{Check, Checked, Day, OpenRun, RunMark, Runs, Unopened};
 use super::setup_form::Choices;
+use crate::phrases::in_language;
 
 /// Something that happened.
 #[derive(Debug)]
@@ -162,7 +163,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         Msg::Key(key) => return keys::key(model, key),
         Msg::Scan(scanned) => return scan::scan(model, &scanned),
         Msg::ScannerLost { why } => {
-            model.mention(words(model.texts.scanner_lost, &[&why]));
+            model.mention(words(model.texts.scanner_lost, &[&model.said(&why)]));
         }
         Msg::ScannerBack { port } => {
             model.say_aside(MessageWeight::Info, words(model.texts.scanner_back, &[&port]));
@@ -203,7 +204,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             return run::over(model, verdict, store_error, refusal.as_deref());
         }
         Msg::Refolded { folder, state: Ok(state) } => run::refolded(model, &folder, *state),
-        Msg::Refolded { state: Err(why), .. } => model.say(MessageWeight::Error, why),
+        Msg::Refolded { state: Err(why), .. } => model.say(MessageWeight::Error, model.said(&why).into_owned()),
         Msg::Expected(expected_s) => {
             if let Loaded::Ready(plan) = &mut model.plan {
                 plan.expected_s = expected_s;
@@ -212,7 +213,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         Msg::WatchOver { why } => {
             model.watching = false;
             if let Some(why) = why {
-                model.say(MessageWeight::Error, why);
+                model.say(MessageWeight::Error, model.said(&why).into_owned());
             }
             return match model.leaving {
                 true => Some(Effect::Leave),
@@ -222,7 +223,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         }
         Msg::EndAsked => model.leaving = true,
         Msg::Shift(shift) => model.shift = Some(*shift),
-        Msg::HookTrouble(what) => model.mention(what),
+        Msg::HookTrouble(what) => model.mention(model.said(&what).into_owned()),
         Msg::Days(_) | Msg::Runs(_) | Msg::Opened(_) | Msg::Verified { .. } => take_records(model, msg),
     }
     None
@@ -295,7 +296,7 @@ fn take_records(model: &mut ScreenModel, msg: Msg) {
             if let Some(open) = records.open.as_mut().filter(|open| open.path == path) {
                 open.check = Check::Done(checked);
             } else {
-                let (weight, what) = checked_words(model.texts, &checked);
+                let (weight, what) = checked_words(model.lang, &checked);
                 let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
                 model.say(weight, format!("{name}: {what}"));
             }
@@ -311,11 +312,15 @@ fn take_records(model: &mut ScreenModel, msg: Msg) {
 }
 
 /// The result of a verification in words, and how much it matters.
-pub(crate) fn checked_words(texts: &Texts, checked: &Checked) -> (MessageWeight, String) {
+pub(crate) fn checked_words(lang: Lang, checked: &Checked) -> (MessageWeight, String) {
+    let texts = lang.texts();
     match (checked.problems.as_slice(), &checked.newer) {
         ([], None) => (MessageWeight::Info, texts.as_written.to_owned()),
         ([], Some(unknown)) => (MessageWeight::Warning, words(texts.digests_agree, &[unknown])),
-        (problems, _) => (MessageWeight::Error, format!("{}: {}", texts.not_as_written, problems.join("; "))),
+        (problems, _) => {
+            let problems: Vec<_> = problems.iter().map(|problem| in_language(problem, lang)).collect();
+            (MessageWeight::Error, format!("{}: {}", texts.not_as_written, problems.join("; ")))
+        }
     }
 }
 

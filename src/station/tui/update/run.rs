@@ -10,6 +10,7 @@ use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 
 use super::{Effect, numbers, words};
+use crate::phrases::in_language;
 use crate::tui::field::InputField;
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
@@ -50,7 +51,7 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         && of_sub_unit
     {
         // Another module has a sub-unit of this run.
-        let told = gnc_text::printable(text).into_owned();
+        let told = gnc_text::printable(&model.said(text)).into_owned();
         model.mention(told);
         return None;
     }
@@ -114,7 +115,7 @@ pub(super) fn standing(model: &mut ScreenModel, serial_number: &str, standing: R
     }
     match standing {
         Ok(standing) => model.scan.standing = Some(standing),
-        Err(why) => model.say(MessageWeight::Error, why),
+        Err(why) => model.say(MessageWeight::Error, model.said(&why).into_owned()),
     }
 }
 
@@ -125,7 +126,7 @@ pub(super) fn over(
     store_error: Option<String>,
     refusal: Option<&str>,
 ) -> Option<Effect> {
-    let (leaving, texts) = (model.leaving, model.texts);
+    let (leaving, texts, lang) = (model.leaving, model.texts, model.lang);
     let run = model.run.as_mut()?;
     run.over = true;
     // The service has seen all rounds, also one that was not begun and one whose events did not come.
@@ -136,7 +137,7 @@ pub(super) fn over(
     let said = match (&store_error, refusal) {
         (_, Some(why)) => {
             let first = why.lines().next().unwrap_or_default();
-            Some((MessageWeight::Error, words(texts.run_refused, &[first])))
+            Some((MessageWeight::Error, words(texts.run_refused, &[&in_language(first, lang)])))
         }
         // It has a place of its own, where it stays.
         (Some(_), None) => None,
@@ -151,7 +152,7 @@ pub(super) fn over(
         model.run = None;
     }
     if let Some(error) = store_error {
-        model.unrecorded = Some(words(texts.store_error, &[&error]));
+        model.unrecorded = Some(words(texts.store_error, &[&in_language(&error, lang)]));
     } else if recorded {
         model.unrecorded = None;
     }

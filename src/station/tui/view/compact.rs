@@ -31,7 +31,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     match (&model.run, &model.bench, &model.plan) {
         (Some(run), ..) => lines.extend(of_run(model, run, cells)),
         (None, Loaded::Refused(why), _) | (None, _, Loaded::Refused(why)) => {
-            lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(line), cells))));
+            lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(&model.said(line)), cells))));
         }
         (None, _, Loaded::Ready(plan)) => {
             let what = format!("{} {}", text::shown(&plan.name), text::shown(&plan.version));

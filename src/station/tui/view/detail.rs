@@ -106,13 +106,19 @@ fn attempt_lines(model: &ScreenModel, row: &Row, attempt: &Attempt, cells: usize
     let texts = model.texts;
     let mut lines = Vec::new();
     if let Some(error) = &attempt.error {
-        lines.extend(sentence((texts.level)(NoteLevel::Error), &text::shown(&error.text), style::strong(), cells));
+        lines.extend(sentence(
+            (texts.level)(NoteLevel::Error),
+            &text::shown(&model.said(&error.text)),
+            style::strong(),
+            cells,
+        ));
         if !error.hint.is_empty() {
-            lines.extend(sentence(texts.try_this, &text::shown(&error.hint), Style::new(), cells));
+            lines.extend(sentence(texts.try_this, &text::shown(&model.said(&error.hint)), Style::new(), cells));
         }
     }
     for record in &attempt.error_records {
-        let said = format!("{} ({}): {} / {}", record.what, record.location, record.expected, record.got);
+        let (what, location) = (model.said(&record.what), model.said(&record.location));
+        let said = format!("{what} ({location}): {} / {}", record.expected, record.got);
         lines.extend(sentence(texts.board_says, &text::shown(&said), Style::new(), cells));
     }
     if attempt.measurements.is_empty() && attempt.outcome.is_some() {
@@ -152,7 +158,7 @@ fn value_line(model: &ScreenModel, measurement: &Measurement, name_cells: usize,
         Span::styled(format!("{mark} "), style),
         Span::raw(text::fit(&name, name_cells)),
         Span::raw(" "),
-        Span::styled(text::fit(&text::shown(&measurement.value_text()), value_cells), style),
+        Span::styled(text::fit(&text::shown(&model.said(&measurement.value_text())), value_cells), style),
         Span::raw(" "),
         Span::raw(text::cut(&text::shown(&measurement.limit_text()), value_cells)),
     ])

@@ -102,7 +102,7 @@ fn changed_file(model: &ScreenModel, file: &ChangedFile) -> String {
     let name = text::shown(&file.name);
     match &file.unreadable {
         None => fill(model.texts.file_changed, &[&name]),
-        Some(why) => fill(model.texts.file_unreadable, &[&name, &text::shown(why)]),
+        Some(why) => fill(model.texts.file_unreadable, &[&name, &text::shown(&model.said(why))]),
     }
 }
 
@@ -118,7 +118,7 @@ pub(super) fn interrupted(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect
 /// The run that was asked for cannot be taken up.
 pub(super) fn no_resume(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, why: &str) {
     let texts = model.texts;
-    let lines = [text::shown(why), texts.no_resume_question.to_owned()];
+    let lines = [text::shown(&model.said(why)), texts.no_resume_question.to_owned()];
     question(model, frame, area, texts.interrupted_title, &lines);
 }
 

@@ -95,12 +95,14 @@ fn entries(model: &ScreenModel, state: &RunState) -> Vec<Entry> {
             NoteLevel::Info => String::new(),
             level => format!("{}: ", (texts.level)(level)),
         };
-        entries.push(Entry { style, ..plain(note.stamp.elapsed_us, format!("{level}{item}{}", note.text)) });
+        entries
+            .push(Entry { style, ..plain(note.stamp.elapsed_us, format!("{level}{item}{}", model.said(&note.text))) });
     }
     for seen in state.breaches() {
         let weight = if seen.breach.safety { MessageWeight::Error } else { MessageWeight::Warning };
         let BoardBreach { section, what, count, worst, .. } = &seen.breach;
-        let worst = worst.as_ref().map(|worst| format!(", {worst}")).unwrap_or_default();
+        let worst = worst.as_ref().map(|worst| format!(", {}", model.said(worst))).unwrap_or_default();
+        let what = model.said(what);
         let line = format!("{}: §{section}: {what} ({count}×{worst})", texts.board_breaks);
         entries.push(Entry { style: style::weight(model.look, weight), ..plain(seen.first.elapsed_us, line) });
     }

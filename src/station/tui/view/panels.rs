@@ -148,7 +148,7 @@ fn board(model: &ScreenModel) -> (String, Style) {
         Loaded::Ready(bench) if bench.link.is_empty() => (texts.no_board_yet.to_owned(), style::faint()),
         Loaded::Ready(bench) => (format!("{} · {}", texts.no_board_yet, text::shown(&bench.link)), style::faint()),
         Loaded::Loading => (texts.loading.to_owned(), style::faint()),
-        Loaded::Refused(why) => (why.lines().next().unwrap_or_default().to_owned(), style::strong()),
+        Loaded::Refused(why) => (model.said(why.lines().next().unwrap_or_default()).into_owned(), style::strong()),
     }
 }
 
@@ -161,6 +161,7 @@ fn breaches(model: &ScreenModel) -> Option<(String, Style)> {
         return Some((model.texts.danger_powered.to_owned(), style::weight(model.look, weight)));
     }
     let BoardBreach { section, what, .. } = &newest.breach;
+    let what = model.said(what);
     let told = format!("{} {}: §{section} {what}", model.texts.board_breaks, seen.len());
     Some((text::shown(&told), style::weight(model.look, weight)))
 }
@@ -399,7 +400,7 @@ pub(super) fn mistakes(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, w
     frame.render_widget(block, area);
     let cells = usize::from(inner.width);
     let mut lines = vec![Line::styled(model.texts.mistakes_found, style::strong())];
-    lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(line), cells))));
+    lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(&model.said(line)), cells))));
     let room = usize::from(inner.height);
     if lines.len() > room && room > 0 {
         let more = lines.len() - room + 1;

@@ -52,7 +52,9 @@ fn days(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let folder = model.bench.ready().map(|bench| bench.records.display().to_string()).unwrap_or_default();
     let say = |words: String| Line::styled(words, style::faint());
     let lines = match (&records.days, &records.error) {
-        (_, Some(error)) => vec![Line::styled(text::shown(error), style::weight(model.look, MessageWeight::Error))],
+        (_, Some(error)) => {
+            vec![Line::styled(text::shown(&model.said(error)), style::weight(model.look, MessageWeight::Error))]
+        }
         (None, None) => vec![say(texts.reading_records.to_owned())],
         (Some(days), None) if days.is_empty() => vec![say(fill(texts.no_records, &[&folder]))],
         (Some(days), None) => {
@@ -97,7 +99,7 @@ fn list(model: &ScreenModel, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
     );
     let mut lines = vec![Line::styled(text::cut(&head, cells), style::faint())];
     if let Some(error) = &records.error {
-        lines.push(Line::styled(text::shown(error), style::weight(model.look, MessageWeight::Error)));
+        lines.push(Line::styled(text::shown(&model.said(error)), style::weight(model.look, MessageWeight::Error)));
     }
     if shown.is_empty() {
         lines.push(Line::styled(text::cut(texts.no_run_matches, cells), style::faint()));
@@ -198,7 +200,7 @@ fn check(model: &ScreenModel, check: &Check, cells: usize) -> Line<'static> {
         Check::NotAsked => Line::styled((texts.key)(crate::tui::keymap::KeyAction::Verify).long, style::faint()),
         Check::Running => Line::styled(texts.verifying, style::faint()),
         Check::Done(checked) => {
-            let (weight, words) = checked_words(texts, checked);
+            let (weight, words) = checked_words(model.lang, checked);
             let (sign, outcome) = match weight {
                 MessageWeight::Info => ("✓", Outcome::Passed),
                 MessageWeight::Warning => ("?", Outcome::Aborted),
