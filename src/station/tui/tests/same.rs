@@ -80,6 +80,8 @@ fn without_numbers(text: &str) -> String {
 fn journal(run: &Path) -> Value {
     let text = fs::read_to_string(run.join("events.jsonl")).expect("a journal");
     let mut events: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).expect("an event")).collect();
+    // How often the station asked again says how busy this computer was.
+    events.retain(|event| !event["text"].as_str().is_some_and(|text| text.starts_with("the line was not clean")));
     for event in &mut events {
         let fields = event.as_object_mut().expect("an object");
         let _ = ["seq", "at", "elapsed_us", "boot_id", "link", "details", "record", "voltage_v", "current_a"]
