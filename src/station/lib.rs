@@ -25,6 +25,7 @@ mod setup;
 mod tui;
 mod version;
 
+pub use phrases::page as messages_page;
 pub use tui::{Lang, Scene};
 
 /// The reader of tables, for `fuzz/`.

@@ -11,6 +11,7 @@
 //! A sentence that the table does not know stays English. So does one of a record that another version wrote.
 
 mod form;
+mod page;
 mod table;
 
 use std::borrow::Cow;
@@ -18,6 +19,7 @@ use std::collections::HashMap;
 use std::sync::LazyLock;
 
 use form::{Form, PlaceKind};
+pub use page::page;
 use table::all;
 
 use crate::args::Lang;
@@ -79,48 +81,71 @@ impl Phrases {
     /// `None`: nothing in it is a sentence of the table.
     fn translated(&self, text: &str, left: &mut u32) -> Option<String> {
         *left = left.checked_sub(1)?;
-        self.whole(text, left).or_else(|| self.in_parts(text, left))
+        let whole = self.whole(text);
+        // A value at the end of a sentence could take in the cause behind it.
+        let takes_more = whole.as_ref().is_some_and(|(entry, values)| entry.english.takes_joint(values));
+        let parts = if whole.is_none() || takes_more { self.in_parts(text, left) } else { None };
+        match (whole, parts) {
+            (Some(_), Some(Parts { text, known: true })) | (None, Some(Parts { text, .. })) => Some(text),
+            (Some((entry, values)), _) => Some(self.filled(entry, &values, left)),
+            (None, None) => None,
+        }
     }
 
     /// The text as one sentence: of all that fit, the one with the most words of its own.
-    fn whole(&self, text: &str, left: &mut u32) -> Option<String> {
+    fn whole<'a>(&self, text: &'a str) -> Option<(&Entry, Vec<&'a str>)> {
         let word = form::first_word_of(text);
         let candidates = [self.by_word.get(word), self.by_word.get("").filter(|_| !word.is_empty())];
         let fitting = candidates.into_iter().flatten().flatten().filter_map(|index| {
             let entry = &self.entries[*index];
             entry.english.values(text).map(|values| (entry, values))
         });
-        let (entry, values) = fitting.max_by_key(|(entry, _)| entry.english.own_bytes())?;
-        Some(entry.other.fill(|name| {
-            let (value, kind) = entry.english.value(name, &values)?;
+        fitting.max_by_key(|(entry, _)| entry.english.own_bytes())
+    }
+
+    fn filled(&self, entry: &Entry, values: &[&str], left: &mut u32) -> String {
+        entry.other.fill(|name| {
+            let (value, kind) = entry.english.value(name, values)?;
             let translated = (kind == PlaceKind::Sentence).then(|| self.translated(value, left)).flatten();
             Some(translated.map_or(Cow::Borrowed(value), Cow::Owned))
-        }))
+        })
     }
 
     /// The text as sentences behind each other, joined by a sign.
-    fn in_parts(&self, text: &str, left: &mut u32) -> Option<String> {
-        let joints =
-            || JOINTS.iter().flat_map(|(sign, zh)| text.match_indices(sign).map(move |(at, _)| (at, *sign, *zh)));
-        let mut places: Vec<_> = joints().collect();
+    fn in_parts(&self, text: &str, left: &mut u32) -> Option<Parts> {
+        let joints = JOINTS.iter().flat_map(|(sign, zh)| text.match_indices(sign).map(move |(at, _)| (at, *sign, *zh)));
+        let mut places: Vec<_> = joints.collect();
         places.sort_unstable_by_key(|(at, ..)| *at);
+        let mut lenient = None;
         for (at, sign, zh) in places {
             let (before, after) = (&text[..at], &text[at + sign.len()..]);
-            let sign = if self.lang == Lang::Zh { zh } else { sign };
+            let shown = if self.lang == Lang::Zh { zh } else { sign };
+            let first = self.whole(before).map(|(entry, values)| self.filled(entry, &values, left));
             // What stands before a colon is often a name.
-            let first = self.whole(before, left);
-            if first.is_none() && sign.trim() != ":" && sign != "：" {
+            if first.is_none() && sign != ": " {
                 continue;
             }
             let second = self.translated(after, left);
+            let known = first.is_some() && second.is_some();
             if first.is_none() && second.is_none() {
                 continue;
             }
             let (first, second) = (first.as_deref().unwrap_or(before), second.as_deref().unwrap_or(after));
-            return Some(format!("{first}{sign}{second}"));
+            let parts = Parts { text: format!("{first}{shown}{second}"), known };
+            if known {
+                return Some(parts);
+            }
+            lenient.get_or_insert(parts);
         }
-        None
+        lenient
     }
+}
+
+/// A text in parts.
+struct Parts {
+    text: String,
+    /// Whether the table knows the sentences on both sides of the joint.
+    known: bool,
 }
 
 /// What joins two sentences, and its Chinese form.

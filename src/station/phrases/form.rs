@@ -110,6 +110,12 @@ impl Form {
         self.places.iter().zip(values).any(|(place, before)| place.name == name && *before != value)
     }
 
+    /// Whether a text among the values holds what joins two sentences.
+    pub(super) fn takes_joint(&self, values: &[&str]) -> bool {
+        let joint = |value: &str| value.contains(": ") || value.contains("; ");
+        self.places.iter().zip(values).any(|(place, value)| place.kind == PlaceKind::Text && joint(value))
+    }
+
     /// The value of a place, and its kind.
     pub(super) fn value<'a>(&self, name: &str, values: &[&'a str]) -> Option<(&'a str, PlaceKind)> {
         let index = self.places.iter().position(|place| place.name == name)?;

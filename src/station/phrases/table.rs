@@ -5,13 +5,14 @@ use std::sync::LazyLock;
 
 use serde::Deserialize;
 
-const FILES: [(&str, &str); 8] = [
+const FILES: [(&str, &str); 9] = [
     ("analysis", include_str!("analysis.toml")),
     ("bench", include_str!("bench.toml")),
     ("board", include_str!("board.toml")),
     ("executive", include_str!("executive.toml")),
     ("link", include_str!("link.toml")),
     ("metrology", include_str!("metrology.toml")),
+    ("os", include_str!("os.toml")),
     ("records", include_str!("records.toml")),
     ("station", include_str!("station.toml")),
 ];

@@ -31,6 +31,16 @@ fn causes_and_hints_behind_a_sentence_are_translated_too() {
     );
 }
 
+/// A value at the end of a sentence ends before the cause.
+#[test]
+fn a_value_does_not_take_in_what_follows() {
+    let text = "cannot write records/2026-11-22/DEMO-1: No space left on device (os error 28)";
+    assert_eq!(
+        in_language(text, Lang::Ru),
+        "не удалось записать records/2026-11-22/DEMO-1: на диске нет места (os error 28)"
+    );
+}
+
 #[test]
 fn what_the_table_does_not_know_stays_as_it_is() {
     for text in ["", "x", ": ", "; ; ;", "SN-0001", "a sentence of a later version", "{port}"] {

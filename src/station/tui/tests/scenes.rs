@@ -200,8 +200,7 @@ fn scanned(scene: &mut Scene) {
 }
 
 fn mistakes(scene: &mut Scene) {
-    let why =
-        "test-plans/mine.toml:4:6: no item has the id \"imo\"\n    id = \"imo\"\n         ^^^^^\ndid you mean \"io\"?";
+    let why = "test-plans/mine.toml:4:6: unknown item \"imo\"\n 4 | id = \"imo\"\n   |      ^^^^^\n   = try: did you mean \"imu\"?";
     scene.tell(Msg::Plan { path: "test-plans/mine.toml".into(), plan: Loaded::Refused(why.into()) });
     scene.key(Key::F(2));
 }
@@ -236,8 +235,8 @@ pub(super) fn error(scene: &mut Scene) {
     };
     scene.event(EventKind::ErrorRecord { item: item(), attempt: 1, record });
     let error = AttemptError {
-        text: "no answer to SciEcho after 5 tries over 2.5 s".into(),
-        hint: "is the cable plugged in at both ends?".into(),
+        text: "no answer from the board to SciEcho: asked 5 times in 2500 ms; nothing else was heard from it".into(),
+        hint: "check the board's power, the two pairs (A and B swapped?) and the rate".into(),
         again: false,
     };
     let outcome = Outcome::Errored;

@@ -69,7 +69,10 @@ fn entries(model: &ScreenModel, state: &RunState) -> Vec<Entry> {
         entries.push(plain(0, format!("{}: {}, {plan}", texts.started, header.serial_number)));
     }
     if let Some(board) = state.board() {
-        entries.push(plain(0, format!("{} {} ({}) {}", texts.board, board.board_serial, board.firmware, board.link)));
+        entries.push(plain(
+            0,
+            format!("{} {} ({}) {}", texts.board, board.board_serial, board.firmware, model.said(&board.link)),
+        ));
     }
     let first = state.rows().len().saturating_sub(MAX_LINES);
     for row in &state.rows()[first..] {

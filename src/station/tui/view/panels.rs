@@ -142,11 +142,13 @@ fn board(model: &ScreenModel) -> (String, Style) {
             Some(power) if power.on => (texts.module_on, Style::new()),
             _ => (texts.module_off, Style::new()),
         };
-        return (text::shown(&format!("{power} · {} · {}", board.board_serial, board.link)), style);
+        return (text::shown(&format!("{power} · {} · {}", board.board_serial, model.said(&board.link))), style);
     }
     match &model.bench {
         Loaded::Ready(bench) if bench.link.is_empty() => (texts.no_board_yet.to_owned(), style::faint()),
-        Loaded::Ready(bench) => (format!("{} · {}", texts.no_board_yet, text::shown(&bench.link)), style::faint()),
+        Loaded::Ready(bench) => {
+            (format!("{} · {}", texts.no_board_yet, text::shown(&model.said(&bench.link))), style::faint())
+        }
         Loaded::Loading => (texts.loading.to_owned(), style::faint()),
         Loaded::Refused(why) => (model.said(why.lines().next().unwrap_or_default()).into_owned(), style::strong()),
     }

@@ -214,7 +214,7 @@ fn guided(texts: &Texts, guidance: &Guidance) -> String {
 pub(super) fn decided(model: &ScreenModel, row: &Row) -> String {
     match &row.cause {
         Some(cause) => text::shown(&(model.texts.cause)(cause)),
-        None if row.is_over() => text::shown(&words::reason(&ItemRecord::from(row))),
+        None if row.is_over() => text::shown(&model.said(&words::reason(&ItemRecord::from(row)))),
         None => String::new(),
     }
 }
@@ -244,9 +244,9 @@ fn explained(model: &ScreenModel, row: &Row, cells: usize) -> Vec<Line<'static>>
         lines.push(Line::styled(format!("         {more}, {}", texts.enter_opens), style::faint()));
     }
     if let Some(error) = &attempt.error {
-        lines.extend(labelled((texts.level)(NoteLevel::Error), &text::shown(&error.text), cells));
+        lines.extend(labelled((texts.level)(NoteLevel::Error), &text::shown(&model.said(&error.text)), cells));
         if !error.hint.is_empty() {
-            lines.extend(labelled(texts.try_this, &text::shown(&error.hint), cells));
+            lines.extend(labelled(texts.try_this, &text::shown(&model.said(&error.hint)), cells));
         }
     }
     lines
