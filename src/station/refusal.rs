@@ -2,7 +2,10 @@
 
 use std::process::ExitCode;
 
+use crate::args::Lang;
 use crate::exit_code::USAGE;
+use crate::phrases::in_language;
+use crate::tui::language_of_terminal;
 
 /// Why nothing was run.
 #[derive(Debug)]
@@ -23,12 +26,20 @@ pub(crate) fn refuse(what: impl std::fmt::Display, try_this: &str) -> ExitCode {
     ExitCode::from(USAGE)
 }
 
-/// An error for people, on standard error: what went wrong, and what can be tried.
+/// An error for people, on standard error, in the language of the locale: what went wrong, and what can be tried.
 pub(crate) fn complain(what: impl std::fmt::Display, try_this: &str) {
     use std::io::Write as _;
+    let lang = language_of_terminal();
+    let what = what.to_string();
+    // A mistake in a file has several lines, each with a sentence of its own.
+    let what = what.lines().map(|line| in_language(line, lang)).collect::<Vec<_>>().join("\n");
     // Ignore the error: without standard error there is no other place for the message.
     let _ = writeln!(std::io::stderr(), "gnc-station: {what}");
     if !try_this.is_empty() {
-        let _ = writeln!(std::io::stderr(), "  try: {try_this}");
+        let hint = in_language(try_this, lang);
+        let _ = match lang {
+            Lang::En => writeln!(std::io::stderr(), "  try: {hint}"),
+            Lang::Zh | Lang::Ru => writeln!(std::io::stderr(), "  {}: {hint}", lang.texts().try_this),
+        };
     }
 }

@@ -191,6 +191,11 @@ fn first_model(
     model
 }
 
+/// The language of the locale, if the terminal can show it.
+pub(crate) fn language_of_terminal() -> Lang {
+    look::choose(&look::Environment::read(), None).0
+}
+
 /// The thread that draws.
 struct Drawing {
     guard: Guard,

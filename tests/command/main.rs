@@ -6,6 +6,7 @@ mod build;
 mod clock;
 mod help_files;
 mod junit;
+mod language;
 mod list;
 mod place;
 
