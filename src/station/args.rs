@@ -11,6 +11,7 @@ use gnc_executive::quantity::{Dimension, Quantity, Unit};
 use gnc_text::quoted;
 
 use crate::exit_code::Strictness;
+use crate::locale::Lang;
 use crate::refusal::CommandRefusal;
 use crate::serial_number::is_invisible;
 
@@ -41,17 +42,6 @@ pub(crate) enum RecordsCommand {
         /// The file for the private key.
         file: PathBuf,
     },
-}
-
-/// A language of the screen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, clap::ValueEnum)]
-pub enum Lang {
-    /// English.
-    En,
-    /// Chinese, simplified.
-    Zh,
-    /// Russian.
-    Ru,
 }
 
 /// How the station reaches the simulated board.

@@ -15,6 +15,7 @@ mod export;
 mod files;
 mod help_files;
 mod hook;
+mod locale;
 mod phrases;
 mod ports;
 mod recompute;

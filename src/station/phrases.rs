@@ -22,7 +22,7 @@ use form::{Form, PlaceKind};
 pub use page::page;
 use table::all;
 
-use crate::args::Lang;
+use crate::locale::Lang;
 
 /// Most sentences in one text, one in another or behind another. An error has a handful of causes.
 const MOST: u32 = 24;

@@ -2,10 +2,9 @@
 
 use std::process::ExitCode;
 
-use crate::args::Lang;
 use crate::exit_code::USAGE;
+use crate::locale::Environment;
 use crate::phrases::in_language;
-use crate::tui::language_of_terminal;
 
 /// Why nothing was run.
 #[derive(Debug)]
@@ -29,17 +28,15 @@ pub(crate) fn refuse(what: impl std::fmt::Display, try_this: &str) -> ExitCode {
 /// An error for people, on standard error, in the language of the locale: what went wrong, and what can be tried.
 pub(crate) fn complain(what: impl std::fmt::Display, try_this: &str) {
     use std::io::Write as _;
-    let lang = language_of_terminal();
-    let what = what.to_string();
-    // A mistake in a file has several lines, each with a sentence of its own.
-    let what = what.lines().map(|line| in_language(line, lang)).collect::<Vec<_>>().join("\n");
-    // Ignore the error: without standard error there is no other place for the message.
-    let _ = writeln!(std::io::stderr(), "gnc-station: {what}");
+    let lang = Environment::read().language(None);
+    let mut lines = format!("gnc-station: {what}");
     if !try_this.is_empty() {
-        let hint = in_language(try_this, lang);
-        let _ = match lang {
-            Lang::En => writeln!(std::io::stderr(), "  try: {hint}"),
-            Lang::Zh | Lang::Ru => writeln!(std::io::stderr(), "  {}: {hint}", lang.texts().try_this),
-        };
+        lines.push_str("\n  try: ");
+        lines.push_str(try_this);
+    }
+    // A mistake in a file has several lines, each with a sentence of its own.
+    for line in lines.lines() {
+        // Ignore the error: without standard error there is no other place for the message.
+        let _ = writeln!(std::io::stderr(), "{}", in_language(line, lang));
     }
 }

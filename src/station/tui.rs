@@ -158,7 +158,7 @@ fn first_model(
     resume: Option<(PathBuf, String)>,
     clock: ScreenClock,
 ) -> ScreenModel {
-    let (lang, look) = look::choose(&look::Environment::read(), args.lang);
+    let (lang, look) = look::choose(&crate::locale::Environment::read(), args.lang);
     let mut model = ScreenModel::new(lang, look, clock.now());
     model.numbers = numbers::Numbers::new(args.numbers.clone());
     model.part = [&args.part, &args.revision].map(|text| text.clone().unwrap_or_default());
@@ -189,11 +189,6 @@ fn first_model(
         model.resume = Some(folder);
     }
     model
-}
-
-/// The language of the locale, if the terminal can show it.
-pub(crate) fn language_of_terminal() -> Lang {
-    look::choose(&look::Environment::read(), None).0
 }
 
 /// The thread that draws.

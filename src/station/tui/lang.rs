@@ -18,14 +18,11 @@ use gnc_executive::standing::Flaw;
 use gnc_executive::verdict::Verdict;
 
 use super::keymap::KeyAction;
-pub use crate::args::Lang;
+pub use crate::locale::Lang;
 pub(crate) use ask::answer_error;
 pub(crate) use standing::standing;
 
 impl Lang {
-    /// All languages.
-    pub(crate) const ALL: [Lang; 3] = [Lang::En, Lang::Zh, Lang::Ru];
-
     /// Its texts.
     #[must_use]
     pub(crate) fn texts(self) -> &'static Texts {
@@ -33,16 +30,6 @@ impl Lang {
             Lang::En => &en::TEXTS,
             Lang::Zh => &zh::TEXTS,
             Lang::Ru => &ru::TEXTS,
-        }
-    }
-
-    /// The language of a locale's name, "zh_CN.UTF-8"; English if the station has no texts in that language.
-    #[must_use]
-    pub(crate) fn of_locale(locale: &str) -> Lang {
-        match locale.split(['_', '.', '@']).next() {
-            Some("zh") => Lang::Zh,
-            Some("ru") => Lang::Ru,
-            _ => Lang::En,
         }
     }
 }

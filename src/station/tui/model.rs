@@ -30,6 +30,7 @@ use super::pending::{Interrupted, PendingStart};
 pub(crate) use super::prompt::Prompt;
 use super::records::Records;
 use crate::files::ChangedFile;
+pub(crate) use crate::locale::Glyphs;
 use crate::phrases::in_language;
 
 /// The time, passed in so that every screen can be drawn again.
@@ -50,17 +51,6 @@ pub(crate) struct Look {
     pub glyphs: Glyphs,
     /// The terminal cannot show the language that was asked for.
     pub poor: bool,
-}
-
-/// The characters of a terminal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Glyphs {
-    /// All of Unicode, dots for charts included.
-    Unicode,
-    /// Latin letters, lines and blocks: the Linux console.
-    Console,
-    /// ASCII alone.
-    Ascii,
 }
 
 /// A page.
