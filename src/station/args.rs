@@ -155,7 +155,11 @@ impl RunArgs {
 
 /// A part number and a revision as people give them, without the white space around them that some scanners add.
 pub(crate) fn asked_part(number: Option<&str>, revision: Option<&str>) -> Result<Option<PartName>, CommandRefusal> {
-    let Some(number) = number else { return Ok(None) };
+    let Some(number) = number else {
+        let Some(revision) = revision else { return Ok(None) };
+        let what = format!("the revision {} has no part number", quoted(revision));
+        return Err(CommandRefusal::new(what, "give the part number too"));
+    };
     for (what, text) in [("part number", Some(number)), ("revision", revision)] {
         let Some(text) = text else { continue };
         let problem = match unfit(text) {

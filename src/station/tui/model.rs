@@ -365,8 +365,8 @@ pub(crate) struct Scan {
     pub typed: InputField,
     /// The last characters that came as keys, whether a field took them or not; the beginning of a scan may be among them.
     pub recent: String,
-    /// `typed` is a scan without a line end.
-    pub typed_by_scanner: bool,
+    /// The last scan without a line end.
+    pub unended: String,
     /// The scans of this scanner have a line end, so one without was cut off.
     pub has_ends: bool,
     pub current: Option<String>,
@@ -444,6 +444,11 @@ pub(crate) struct ScreenModel {
 }
 
 impl Scan {
+    /// Whether what is typed is a scan without a line end, and no hand has changed it.
+    pub(crate) fn waits(&self) -> bool {
+        !self.unended.is_empty() && self.typed.text() == self.unended
+    }
+
     /// Keeps a character that came as a key, and forgets what no scan can reach back to.
     pub(crate) fn keep(&mut self, character: char) {
         self.recent.push(character);
@@ -513,6 +518,11 @@ impl ScreenModel {
     pub(crate) fn asked_numbers(&self) -> Vec<NumberField> {
         let (bench, plan) = self.numbers_of_bench_and_plan();
         numbers::asked(bench, plan).into_iter().cloned().collect()
+    }
+
+    /// Whether a number that is given now is of the module after the one on the screen.
+    pub(crate) fn numbers_are_later(&self) -> bool {
+        self.is_running() || self.scan.next.is_some()
     }
 
     /// Whether a run is on.

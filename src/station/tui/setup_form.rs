@@ -36,17 +36,25 @@ pub(crate) enum FormLine {
 }
 
 /// A number that bench and plan ask for.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FormNumber {
-    pub key: String,
+    pub asked: NumberField,
     pub label: String,
     pub field: InputField,
+    /// What was there before the operator wrote.
+    pub shown: String,
 }
 
 impl FormNumber {
     /// Whether the operator has written something else.
-    pub(crate) fn is_changed(&self, model: &ScreenModel) -> bool {
-        self.field.text().trim() != model.numbers.get(&self.key)
+    pub(crate) fn is_changed(&self) -> bool {
+        self.field.text().trim() != self.shown
+    }
+
+    /// Shows a number that was given.
+    pub(crate) fn show(&mut self, value: &str) {
+        self.field = InputField::new(value);
+        self.field.text().trim().clone_into(&mut self.shown);
     }
 }
 
@@ -59,7 +67,7 @@ pub(crate) enum RoundsKind {
 }
 
 /// The form as it is being filled in.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Form {
     pub line: usize,
     pub plan: InputField,
@@ -68,6 +76,8 @@ pub(crate) struct Form {
     /// The part and its revision, if limits depend on them.
     pub part: Option<[InputField; 2]>,
     pub numbers: Vec<FormNumber>,
+    /// The numbers are of the module after the one on the screen, if one comes.
+    pub later: bool,
     pub rounds: RoundsKind,
     pub number: InputField,
     pub after_failure: AfterFailure,
@@ -75,7 +85,12 @@ pub(crate) struct Form {
 }
 
 impl Form {
+    /// The form as F2 shows it.
     pub(crate) fn new(model: &ScreenModel) -> Self {
+        Self::of(model, model.numbers_are_later())
+    }
+
+    fn of(model: &ScreenModel, later: bool) -> Self {
         let (rounds, number) = match model.rounds {
             RoundsSetting::Once => (RoundsKind::Once, 10),
             RoundsSetting::Count(count) => (RoundsKind::Count, count),
@@ -90,7 +105,8 @@ impl Form {
             bench: InputField::new(&model.bench_path),
             operator: InputField::new(&model.operator),
             part: part_matters(model).then(|| model.part.each_ref().map(|text| InputField::new(text))),
-            numbers: model.asked_numbers().iter().map(|field| of_model(model, field)).collect(),
+            numbers: model.asked_numbers().into_iter().map(|field| of_model(model, field, later)).collect(),
+            later,
             rounds,
             number: InputField::new(&number.to_string()),
             after_failure: model.after_failure,
@@ -98,9 +114,9 @@ impl Form {
         }
     }
 
-    /// The form with the cursor at a line.
+    /// The form with the cursor at a line, without which the module on the screen is not tested.
     pub(crate) fn at(model: &ScreenModel, line: FormLine) -> Self {
-        let form = Self::new(model);
+        let form = Self::of(model, false);
         let line = form.lines().iter().position(|each| *each == line).unwrap_or(0);
         Self { line, ..form }
     }
@@ -180,9 +196,11 @@ fn part_matters(model: &ScreenModel) -> bool {
     !model.parts().is_empty() || !model.part[0].is_empty()
 }
 
-fn of_model(model: &ScreenModel, field: &NumberField) -> FormNumber {
-    let (key, label) = (field.key.clone(), label(&field.label, model.lang).to_owned());
-    FormNumber { field: InputField::new(model.numbers.get(&key)), key, label }
+fn of_model(model: &ScreenModel, asked: NumberField, later: bool) -> FormNumber {
+    let label = label(&asked.label, model.lang).to_owned();
+    let mut number = FormNumber { label, field: InputField::default(), shown: String::new(), asked };
+    number.show(model.numbers.of_field(&number.asked, later));
+    number
 }
 
 fn next<T: Copy + PartialEq>(all: &[T], now: T, step: isize) -> T {

@@ -8,7 +8,7 @@ use gnc_executive::serial_number::SerialNumberPattern;
 
 use super::*;
 use crate::tui::input::Scanned;
-use crate::tui::model::{Loaded, PlanAsks};
+use crate::tui::model::{Loaded, PlanAsks, PlanView};
 
 fn field(key: &str, kind: NumberKind, pattern: Option<&str>, required: bool) -> NumberField {
     let label = NumberLabel { en: format!("The {key}"), zh: format!("中{key}"), ru: format!("Ж{key}") };
@@ -155,4 +155,193 @@ fn a_sub_unit_of_another_module_is_told_on_the_screen() {
     let text = "The gps GB-7 is in module SN-1 too, which passed with it".to_owned();
     scene.event(EventKind::Note { level: NoteLevel::Warning, text, item: None });
     assert!(scene.text().contains("GB-7 is in module SN-1 too"), "{}", scene.text());
+}
+
+/// An order stays for the shift, also if modules are scanned while no plan is at hand, or one that does not ask for it.
+#[test]
+fn an_order_stays_whatever_plan_is_shown() {
+    let other = || {
+        let mut other = Scene::new(Lang::En, 80, 24).expect("a scene");
+        std::mem::replace(&mut other.model.plan, Loaded::Loading)
+    };
+    let between: [fn() -> Loaded<PlanView>; 3] =
+        [|| Loaded::Loading, || Loaded::Refused("it has a mistake".into()), other];
+    for (index, between) in between.into_iter().enumerate() {
+        let mut scene = scene(Lang::En);
+        for code in ["SN-1", "PO-1234", "GB-7"] {
+            scan(&mut scene, code);
+        }
+        let plan = std::mem::replace(&mut scene.model.plan, between());
+        scan(&mut scene, "SN-2");
+        assert_eq!(given(&scene), [], "{index}: nobody asks for it");
+        scene.model.plan = plan;
+        assert_eq!(given(&scene), pairs(&[("order", "PO-1234")]), "{index}");
+        scan(&mut scene, "SN-3");
+        assert_eq!(given(&scene), pairs(&[("order", "PO-1234")]), "{index}");
+        assert!(matches!(scene.key(Key::F(5)), Some(Effect::Prepare { .. })), "{index}: the order is there");
+    }
+    // The same holds of an order of the command line, which came before any plan.
+    let mut scene = scene(Lang::En);
+    scene.model.numbers = crate::tui::numbers::Numbers::new(pairs(&[("order", "PO-1234"), ("gps", "GB-7")]));
+    let plan = std::mem::replace(&mut scene.model.plan, Loaded::Loading);
+    scan(&mut scene, "SN-2");
+    scene.model.plan = plan;
+    assert_eq!(given(&scene), pairs(&[("order", "PO-1234")]));
+}
+
+/// Writes the order into the form of F2, in place of what is there.
+fn write_order(scene: &mut Scene, order: &str) {
+    use crate::tui::model::Over;
+    use crate::tui::setup_form::{Form, FormLine};
+    scene.model.over.push(Over::Setup(Form::new(&scene.model)));
+    let Some(Over::Setup(form)) = scene.model.over.last_mut() else { panic!("the form") };
+    // The note of the bench stands before it.
+    form.line = form.lines().iter().position(|line| *line == FormLine::Number(1)).expect("a line");
+    (0..9).for_each(|_| drop(scene.key(Key::Backspace)));
+    scene.types(order);
+    scene.key(Key::Enter);
+    assert!(scene.model.over.is_empty(), "{}", scene.text());
+}
+
+/// What the form says of the order during a run, or while the next module waits, holds for the next module.
+#[test]
+fn an_order_of_the_form_counts_for_the_next_module() {
+    for during in [true, false] {
+        for (scanned, written) in [("", ""), ("", "PO-0003"), ("PO-0002", ""), ("PO-0002", "PO-0003")] {
+            let mut scene = scene(Lang::En);
+            scan(&mut scene, "PO-0001");
+            scene.start("SN-1");
+            scan(&mut scene, "SN-2");
+            if !scanned.is_empty() {
+                scan(&mut scene, scanned);
+            }
+            if !during {
+                scene.run_ends(Outcome::Passed);
+            }
+            write_order(&mut scene, written);
+            assert_eq!(given(&scene), pairs(&[("order", "PO-0001")]), "the module on the screen keeps its own");
+            if during {
+                scene.run_ends(Outcome::Passed);
+            }
+            scene.key(Key::F(5));
+            assert_eq!(scene.model.scan.current.as_deref(), Some("SN-2"));
+            let expected = if written.is_empty() { Vec::new() } else { pairs(&[("order", written)]) };
+            assert_eq!(given(&scene), expected, "{during} {scanned:?} {written:?}");
+        }
+    }
+    // The form shows what it would change, and an order that is corrected between two modules is the last word.
+    let mut scene = scene(Lang::En);
+    scan(&mut scene, "PO-0001");
+    scene.start("SN-1");
+    scan(&mut scene, "PO-0002");
+    scene.run_ends(Outcome::Passed);
+    write_order(&mut scene, "PO-0003");
+    scan(&mut scene, "SN-2");
+    assert_eq!(given(&scene), pairs(&[("order", "PO-0003")]));
+}
+
+/// A sub-unit goes to the module that was scanned before it, whatever waits and whatever the form shows.
+#[test]
+fn a_sub_unit_is_of_the_module_that_was_scanned_before_it() {
+    // The next module was scanned during the run, its sub-unit after it.
+    let mut waiting = scene(Lang::En);
+    scan(&mut waiting, "PO-1234");
+    waiting.start("SN-1");
+    scan(&mut waiting, "SN-2");
+    waiting.run_ends(Outcome::Passed);
+    scan(&mut waiting, "GB-8");
+    waiting.key(Key::F(5));
+    assert_eq!(given(&waiting), pairs(&[("order", "PO-1234"), ("gps", "GB-8")]));
+    // Another module comes in place of the next one.
+    let mut instead = scene(Lang::En);
+    scan(&mut instead, "PO-1234");
+    instead.start("SN-1");
+    assert!(instead.model.is_running());
+    for code in ["SN-2", "GB-8", "SN-3"] {
+        scan(&mut instead, code);
+    }
+    instead.run_ends(Outcome::Passed);
+    instead.key(Key::F(5));
+    assert_eq!(instead.model.scan.current.as_deref(), Some("SN-3"));
+    assert_eq!(given(&instead), pairs(&[("order", "PO-1234")]));
+    // The form is open while another module is scanned.
+    let mut form = scene(Lang::En);
+    for code in ["SN-1", "GB-7", "PO-1234"] {
+        scan(&mut form, code);
+    }
+    form.key(Key::F(2));
+    scan(&mut form, "SN-2");
+    assert!(!form.text().contains("GB-7"), "{}", form.text());
+    form.key(Key::Enter);
+    assert_eq!(given(&form), pairs(&[("order", "PO-1234")]));
+}
+
+fn unended(scene: &mut Scene, code: &str) -> Option<Effect> {
+    scene.tell(Msg::Scan(Scanned { bytes: code.as_bytes().to_vec(), ..Scanned::default() }))
+}
+
+/// A scanner without line ends: a scan is over when the next one begins.
+#[test]
+fn two_scans_without_line_ends_are_both_taken() {
+    let mut idle = scene(Lang::En);
+    scan(&mut idle, "PO-1234");
+    idle.model.scan.has_ends = false;
+    idle.start("SN-1");
+    idle.run_ends(Outcome::Passed);
+    unended(&mut idle, "SN-2");
+    assert_eq!(unended(&mut idle, "GB-8"), Some(Effect::LookUp("SN-2".into())));
+    assert!(matches!(idle.key(Key::F(5)), Some(Effect::Prepare { serial_number, .. }) if serial_number == "SN-2"));
+    assert_eq!(given(&idle), pairs(&[("order", "PO-1234"), ("gps", "GB-8")]));
+    // The same during a run, and if the second one began as keys.
+    let mut running = scene(Lang::En);
+    scan(&mut running, "PO-1234");
+    running.model.scan.has_ends = false;
+    running.start("SN-1");
+    assert!(running.model.is_running());
+    unended(&mut running, "SN-2");
+    running.key(Key::Char('G'));
+    running.tell(Msg::Scan(Scanned { bytes: b"B-8".to_vec(), taken_back: 1, ..Scanned::default() }));
+    assert_eq!(running.model.scan.next.as_deref(), Some("SN-2"));
+    running.run_ends(Outcome::Passed);
+    running.key(Key::F(5));
+    assert_eq!(running.model.scan.current.as_deref(), Some("SN-2"));
+    assert_eq!(given(&running), pairs(&[("order", "PO-1234"), ("gps", "GB-8")]));
+    // A second scanner, at the serial port, has line ends.
+    let mut mixed = scene(Lang::En);
+    scan(&mut mixed, "SN-1");
+    mixed.model.scan.has_ends = false;
+    unended(&mut mixed, "SN-2");
+    scan(&mut mixed, "GB-8");
+    assert_eq!((mixed.model.scan.current.as_deref(), given(&mixed)), (Some("SN-2"), pairs(&[("gps", "GB-8")])));
+}
+
+/// What was scanned and is not taken is told: after a number that does not fit, after one that was cut off, and beside a scan
+/// that cannot be read.
+#[test]
+fn no_scan_goes_without_a_word() {
+    for lang in Lang::ALL {
+        let told = |code: &str| lang.texts().not_used.replacen("{}", code, 1).replace("{}", "");
+        let mut misfit = scene(lang);
+        let Loaded::Ready(plan) = &mut misfit.model.plan else { panic!("a plan") };
+        plan.serial_number = Some(SerialNumberPattern::new("SN-[0-9]").expect("a pattern"));
+        scan(&mut misfit, "SN-1");
+        misfit.model.scan.has_ends = false;
+        unended(&mut misfit, "SN-22");
+        assert_eq!(unended(&mut misfit, "GB-8"), None);
+        let text = misfit.text();
+        assert!(text.contains(told("GB-8").trim()) && text.contains("SN-22"), "{lang:?}: {text}");
+        assert_eq!((given(&misfit), misfit.model.scan.typed.is_empty()), (Vec::new(), true), "{lang:?}");
+        for ended in [false, true] {
+            let mut cut = scene(lang);
+            scan(&mut cut, "SN-1");
+            unended(&mut cut, "SN-2");
+            cut.tell(Msg::Scan(Scanned { bytes: b"GB-8".to_vec(), ended, ..Scanned::default() }));
+            let text = cut.text();
+            assert!(text.contains(told("SN-2").trim()) && text.contains("GB-8"), "{lang:?} {ended}: {text}");
+        }
+        let mut unread = scene(lang);
+        unended(&mut unread, "SN-2");
+        scan(&mut unread, "GB\u{1d}8");
+        assert_eq!(unread.key(Key::Enter), Some(Effect::LookUp("SN-2".into())), "{lang:?}: it waits still");
+    }
 }

@@ -92,12 +92,72 @@ fn part_and_revision_are_typed_on_the_form() {
     scene.types("C");
     let text = scene.text();
     assert!(text.contains("Part number") && text.contains("GNC/1.2") && text.contains("Revision"), "{text}");
-    // A scan goes into the form as well, and says nothing of the revision.
-    scan(&mut scene, "GNC/1.2");
-    assert_eq!(scene.model.part, ["GNC/1.2", ""]);
-    scene.types("C");
+    // A scan goes into the form as well. It says nothing of the revision, so what was typed for this part stays.
+    scan(&mut scene, "gnc/1.2 ");
+    assert_eq!(scene.model.part, ["gnc/1.2", ""]);
     scene.key(Key::Enter);
-    assert_eq!(scene.model.part, ["GNC/1.2", "C"]);
+    assert_eq!(scene.model.part, ["gnc/1.2", "C"]);
+}
+
+/// A revision of no part would judge nothing, so it is told, and the form stays until there is a part or no revision.
+#[test]
+fn a_revision_without_a_part_is_refused() {
+    for lang in Lang::ALL {
+        let mut scene = with_parts(lang);
+        scan(&mut scene, "SN-1");
+        scene.key(Key::F(2));
+        (0..4).for_each(|_| drop(scene.key(Key::Down)));
+        scene.types(" C");
+        scene.key(Key::Enter);
+        let told = lang.texts().revision_alone.replace("{}", "C");
+        assert!(scene.text().contains(&told), "{lang:?}: {}", scene.text());
+        assert_eq!(scene.model.part, ["", ""], "{lang:?}");
+        // It waits for its part, which may be scanned.
+        scan(&mut scene, "GNC/1.2");
+        scene.key(Key::Enter);
+        assert_eq!((scene.model.part.clone(), scene.model.over.len()), (["GNC/1.2".into(), "C".into()], 0), "{lang:?}");
+        // Neither is right, too.
+        scene.key(Key::F(2));
+        (0..3).for_each(|_| drop(scene.key(Key::Down)));
+        (0..9).for_each(|_| drop(scene.key(Key::Backspace)));
+        scene.key(Key::Enter);
+        assert_eq!(scene.model.part, ["GNC/1.2", "C"], "{lang:?}");
+        scene.key(Key::Down);
+        (0..9).for_each(|_| drop(scene.key(Key::Backspace)));
+        scene.key(Key::Enter);
+        assert_eq!(scene.model.part, ["", ""], "{lang:?}");
+    }
+}
+
+/// The label of the same part takes nothing away. That of another one takes the revision away, and says so.
+#[test]
+fn a_scan_of_a_part_keeps_the_revision_or_tells_that_it_is_gone() {
+    for lang in Lang::ALL {
+        for form in [false, true] {
+            let mut scene = with_parts(lang);
+            let Loaded::Ready(plan) = &mut scene.model.plan else { panic!("a plan") };
+            let parts = vec![PartName::new("GNC/1.2", Some("C")), PartName::new("GNC/2.0", Some("A"))];
+            plan.asks = std::sync::Arc::new(PlanAsks { parts, ..PlanAsks::default() });
+            scene.model.part = ["GNC/1.2".into(), "C".into()];
+            if form {
+                scene.key(Key::F(2));
+            }
+            let gone = lang.texts().revision_gone.replacen("{}", "GNC/2.0", 1).replace("{}", "C");
+            scan(&mut scene, "gnc/1.2");
+            assert_eq!(scene.model.part, ["gnc/1.2", "C"], "{lang:?}");
+            assert!(!scene.text().contains(&gone), "{}", scene.text());
+            scan(&mut scene, "GNC/2.0");
+            assert_eq!(scene.model.part, ["GNC/2.0", ""], "{lang:?}");
+            assert!(scene.text().contains(&gone), "{lang:?}: {}", scene.text());
+            if form {
+                scene.key(Key::Enter);
+                assert_eq!(scene.model.part, ["GNC/2.0", ""], "{lang:?}");
+            }
+            // There is nothing more to lose.
+            scan(&mut scene, "GNC/1.2");
+            assert!(scene.text().contains("GNC/1.2") && !scene.text().contains(&gone), "{}", scene.text());
+        }
+    }
 }
 
 #[test]

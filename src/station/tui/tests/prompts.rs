@@ -16,7 +16,7 @@ use super::super::update::{Effect, Msg};
 use super::{SIZES, scene};
 
 /// A question in three languages, with a limit and a picture.
-fn question(kind: QuestionKind, back: bool) -> Ask {
+pub(super) fn question(kind: QuestionKind, back: bool) -> Ask {
     let limit = match &kind {
         QuestionKind::Number { .. } => "4.9 .. 5.1 V",
         QuestionKind::Text { .. } => "=~ GPS-[0-9]{5}",
@@ -41,7 +41,7 @@ fn gps() -> QuestionKind {
     QuestionKind::Text { pattern: Some(SerialNumberPattern::new("GPS-[0-9]{5}").expect("a pattern")) }
 }
 
-fn asked(lang: Lang, ask: Ask) -> Scene {
+pub(super) fn asked(lang: Lang, ask: Ask) -> Scene {
     let mut scene = scene(lang);
     scene.start("DEMO-1");
     scene.tell(Msg::Asked { item: "by-hand".into(), ask });
@@ -274,5 +274,63 @@ fn a_question_without_a_translation_is_asked_in_english() {
     let ask = Ask::Question(Box::new(QuestionAsked { question, ..*asked }));
     for lang in Lang::ALL {
         assert!((lang.texts().ask)(&ask).starts_with("What does the meter at TP4 read?"), "{lang:?}");
+    }
+}
+
+/// A scan that was cut off is told beside the answer, and no scan goes without a word.
+#[test]
+fn a_scan_that_was_cut_off_is_told_beside_the_answer() {
+    let unended = |scene: &mut Scene, code: &str| {
+        scene.tell(Msg::Scan(Scanned { bytes: code.into(), ..Scanned::default() }));
+    };
+    for lang in Lang::ALL {
+        let texts = lang.texts();
+        let cut = |code: &str| texts.answer_cut.replace("{}", code);
+        let dropped = |code: &str| texts.not_used.replacen("{}", code, 1).replace("{}", "");
+        // A scanner without line ends is no reason for a warning.
+        let mut without = asked(lang, question(gps(), false));
+        unended(&mut without, "GPS-00042");
+        assert!(!message(&without).contains(&cut("GPS-00042")), "{lang:?}: {}", message(&without));
+        assert_eq!(without.key(Key::F(2)), text("GPS-00042"));
+        // The scanner sends line ends otherwise: it has scanned a module, or an answer.
+        for before in [false, true] {
+            let mut scene = scene(lang);
+            if before {
+                scene.scans("DEMO-9\r");
+            }
+            scene.start("DEMO-1");
+            scene.tell(Msg::Asked { item: "by-hand".into(), ask: question(gps(), false) });
+            if !before {
+                scene.scans("GPS-00042\r");
+            }
+            let earlier =
+                scene.model.run.as_ref().and_then(|run| run.prompt.as_ref()).map(|each| each.typed.text().to_owned());
+            unended(&mut scene, "GPS-");
+            let told = message(&scene);
+            assert!(told.contains(&cut("GPS-")), "{lang:?} {before}: {told}");
+            let earlier = earlier.filter(|earlier| !earlier.is_empty());
+            assert_eq!(told.contains(dropped("GPS-00042").trim()), earlier.is_some(), "{lang:?} {before}: {told}");
+            // The rest of it comes by itself.
+            unended(&mut scene, "00042");
+            let told = message(&scene);
+            assert!(told.contains(dropped("GPS-").trim()) && told.contains(&cut("00042")), "{lang:?} {before}: {told}");
+            // A whole scan of the label is right, and says what went for it.
+            scene.scans("GPS-00042\r");
+            let told = message(&scene);
+            assert!(told.contains(dropped("00042").trim()) && !told.contains(&cut("")), "{lang:?} {before}: {told}");
+            assert_eq!(scene.key(Key::F(2)), text("GPS-00042"));
+        }
+        // Without line ends, too, a second piece does not replace the first silently; the same code again is nothing new.
+        let mut pieces = asked(lang, question(gps(), false));
+        for code in ["GPS-", "00042"] {
+            unended(&mut pieces, code);
+        }
+        assert!(message(&pieces).contains(dropped("GPS-").trim()), "{lang:?}: {}", message(&pieces));
+        let mut again = asked(lang, question(gps(), false));
+        let before = message(&again);
+        for _ in 0..2 {
+            unended(&mut again, "GPS-00042");
+        }
+        assert_eq!(message(&again), before, "{lang:?}");
     }
 }

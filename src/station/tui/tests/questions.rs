@@ -2,8 +2,10 @@
 
 use gnc_bench::fixture::{Ask, Reply};
 use gnc_executive::event::EventKind;
+use gnc_executive::plan::QuestionKind;
 
-use super::{scene, scenes::SCENES};
+use super::scene;
+use super::scenes::{Play, SCENES};
 use crate::tui::decode::Key;
 use crate::tui::input::Scanned;
 use crate::tui::keymap::KeyContext;
@@ -22,18 +24,11 @@ fn asked() -> Scene {
 /// Letters of a hand go nowhere while any question is open, and the first Esc answers it.
 #[test]
 fn letters_go_nowhere_while_a_question_is_open() {
-    let mut asked = 0;
-    for (name, play) in SCENES.iter().copied() {
+    let mut asked = Vec::new();
+    for (name, play) in SCENES.iter().copied().chain(NO_WORDS) {
         let mut scene = play(Lang::En, (80, 24));
         let place = scene.model.place();
-        if !matches!(
-            place,
-            KeyContext::Prompt
-                | KeyContext::Confirm
-                | KeyContext::Changed
-                | KeyContext::Interrupted
-                | KeyContext::Stopping
-        ) {
+        if !asks(place) {
             continue;
         }
         let before = scene.text();
@@ -43,14 +38,46 @@ fn letters_go_nowhere_while_a_question_is_open() {
         assert_eq!((scene.key(Key::Enter), scene.key(Key::Backspace)), (None, None), "{name}");
         assert_eq!(scene.text(), before, "{name}");
         assert!(scene.model.scan.typed.is_empty() && scene.model.scan.next.is_none(), "{name}");
-        if place != KeyContext::Prompt {
+        if ![KeyContext::Prompt, KeyContext::Question].contains(&place) {
             scene.key(Key::Esc);
             assert_ne!(scene.model.place(), place, "{name}: Esc answers");
         }
-        asked += 1;
+        asked.push(place);
     }
-    assert!(asked >= 14, "{asked} scenes ask");
+    assert!(asked.len() >= 16, "{} scenes ask", asked.len());
+    for place in KeyContext::ALL {
+        assert_eq!(asks(place), asked.contains(&place), "{place:?}");
+    }
 }
+
+/// Whether a question is open that takes no words. Each place has its answer here.
+fn asks(place: KeyContext) -> bool {
+    match place {
+        KeyContext::Prompt
+        | KeyContext::Question
+        | KeyContext::Confirm
+        | KeyContext::Changed
+        | KeyContext::Interrupted
+        | KeyContext::Stopping => true,
+        KeyContext::Idle
+        | KeyContext::Running
+        | KeyContext::Detail
+        | KeyContext::Live
+        | KeyContext::LiveRunning
+        | KeyContext::Watching
+        | KeyContext::Calibration
+        | KeyContext::Records
+        | KeyContext::Record
+        | KeyContext::Setup
+        | KeyContext::Help => false,
+    }
+}
+
+/// Questions of a plan that take no words: something is to be done, and the answers are to be looked over.
+const NO_WORDS: [(&str, Play); 2] = [
+    ("done", |lang, _| super::prompts::asked(lang, super::prompts::question(QuestionKind::Done, true))),
+    ("look-over", |lang, _| super::prompts::asked(lang, Ask::LookOver(vec![("tp4".into(), "5.01 V".into())]))),
+];
 
 /// A number that was half typed before the question does not keep Esc from it.
 #[test]

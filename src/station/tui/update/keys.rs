@@ -49,17 +49,23 @@ fn is_text(key: Key) -> bool {
 
 /// Whether a question waits for its keys.
 pub(super) fn is_asking(place: KeyContext) -> bool {
-    matches!(
-        place,
-        KeyContext::Prompt | KeyContext::Confirm | KeyContext::Changed | KeyContext::Interrupted | KeyContext::Stopping
-    )
+    use KeyContext::{
+        Calibration, Changed, Confirm, Detail, Help, Idle, Interrupted, Live, LiveRunning, Prompt, Question, Record,
+        Records, Running, Setup, Stopping, Watching,
+    };
+    match place {
+        Prompt | Question | Confirm | Changed | Interrupted | Stopping => true,
+        Idle | Running | Detail | Live | LiveRunning | Watching | Calibration | Records | Record | Setup | Help => {
+            false
+        }
+    }
 }
 
 /// Text that a hand types while a question waits is for nobody. `Some`: the key was text, or ended a scan.
 #[expect(clippy::option_option, reason = "whether the key was taken, and what it asks for")]
 fn in_question(model: &mut ScreenModel, key: Key) -> Option<Option<Effect>> {
     match key {
-        Key::Enter | Key::Tab if model.scan.typed_by_scanner => Some(scan::finish_typed(model).unwrap_or(None)),
+        Key::Enter | Key::Tab if model.scan.waits() => Some(scan::finish_typed(model).unwrap_or(None)),
         Key::Char(_) | Key::Pasted(_) | Key::Backspace | Key::Control => Some(None),
         _ => None,
     }
@@ -88,8 +94,6 @@ fn typed(model: &mut ScreenModel, place: KeyContext, key: Key) -> Option<Option<
     }
     if searching {
         model.records.run_cursor = 0;
-    } else {
-        model.scan.typed_by_scanner = false;
     }
     Some(None)
 }
@@ -378,20 +382,22 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
         model.say(MessageWeight::Error, words(model.texts.not_a_number, &[&most]));
         return None;
     };
-    for FormNumber { key, field, .. } in &form.numbers {
-        if let Some(told) = numbers::misfit(model, key, field.text().trim()) {
+    for FormNumber { asked, field, .. } in &form.numbers {
+        if let Some(told) = numbers::misfit(model, &asked.key, field.text().trim()) {
             model.say(MessageWeight::Error, told);
             return None;
         }
     }
+    if let Some(told) = numbers::revision_alone(model, &form) {
+        model.say(MessageWeight::Error, told);
+        return None;
+    }
     if let Some(part) = &form.part {
         model.part = part.each_ref().map(|field| field.text().trim().to_owned());
     }
-    let later = model.is_running();
-    for number in &form.numbers {
-        if number.is_changed(model) {
-            model.numbers.set(&number.key, number.field.text().trim(), later);
-        }
+    let later = form.later && model.numbers_are_later();
+    for number in form.numbers.iter().filter(|number| number.is_changed()) {
+        model.numbers.set(&number.asked, number.field.text().trim(), later);
     }
     model.over.pop();
     model.message = None;

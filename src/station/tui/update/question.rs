@@ -3,7 +3,7 @@
 use gnc_bench::fixture::Reply;
 use gnc_executive::plan::QuestionKind;
 
-use super::{Effect, scan};
+use super::{Effect, scan, words};
 use crate::tui::decode::Key;
 use crate::tui::field::InputField;
 use crate::tui::framing::{self, ScanProblem};
@@ -43,6 +43,8 @@ fn choose(prompt: &mut Prompt, step: isize) {
 
 /// Takes a scan as the answer, in place of what was typed.
 pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) {
+    let (texts, has_ends) = (model.texts, model.scan.has_ends);
+    model.scan.has_ends |= scanned.ended;
     let Some(prompt) = prompt(model) else { return };
     let kept = prompt.typed.text().chars().count().saturating_sub(scanned.taken_back);
     let before: String = prompt.typed.text().chars().skip(kept).collect();
@@ -51,14 +53,27 @@ pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) {
         Ok(text) if framing::is_other_layout(&text) && !fits(&text) => Err(ScanProblem::Layout(text)),
         read => read,
     };
-    match read {
-        Ok(text) => prompt.typed = InputField::new(&text),
+    let dropped: String = prompt.typed.text().chars().take(kept).collect();
+    let (taken, told) = match read {
+        Ok(text) => {
+            prompt.typed = InputField::new(&text);
+            // Nobody knows whether it is whole.
+            let cut = has_ends && !scanned.ended;
+            let told = cut.then(|| words(texts.answer_cut, &[&gnc_text::printable(&text)]));
+            (Some(text), told.map(|told| (MessageWeight::Warning, told)))
+        }
         Err(problem) => {
             prompt.typed = InputField::default();
-            let words = scan::words_of(model, &problem);
-            model.say(MessageWeight::Error, words);
+            (None, Some((MessageWeight::Error, scan::words_of(model, &problem))))
         }
-    }
+    };
+    let is_dropped = !dropped.trim().is_empty() && taken.as_deref() != Some(dropped.trim());
+    let (weight, told) = match told {
+        None if !is_dropped => return,
+        told => told.unwrap_or((MessageWeight::Warning, texts.answer_key.to_owned())),
+    };
+    let told = if is_dropped { scan::not_used(model, dropped.trim(), &told) } else { told };
+    model.say(weight, told);
 }
 
 /// Files the answer, gives the question up, or goes back to the one before.

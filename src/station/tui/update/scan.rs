@@ -31,28 +31,67 @@ pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) -> Option<Effect>
         }
         read => read,
     };
-    let typed = std::mem::take(&mut model.scan.typed);
     let number = match number {
         Ok(number) => number,
         Err(problem) => {
+            // A scan that waits for Enter still waits. What a hand typed was the beginning of this one.
+            if !model.scan.waits() {
+                model.scan.typed.clear();
+            }
             model.say(MessageWeight::Error, words_of(model, &problem));
             return None;
         }
     };
+    let Ok(filed) = file_waiting(model, &number, scanned.ended) else { return None };
+    let waited = model.scan.waits();
+    let typed = std::mem::take(&mut model.scan.typed);
     if scanned.ended {
         model.scan.has_ends = true;
-        return take_scanned(model, &number, &typed);
+        model.scan.unended.clear();
+        return take_scanned(model, &number, &typed).or(filed);
     }
     // Text that a hand began and a slow line held back comes at once, too.
-    let begun = if std::mem::replace(&mut model.scan.typed_by_scanner, true) { "" } else { typed.text() };
+    let begun = if waited { "" } else { typed.text() };
     model.scan.typed = InputField::new(&format!("{begun}{number}"));
+    model.scan.typed.text().clone_into(&mut model.scan.unended);
     let shown = gnc_text::printable(&number).into_owned();
     if model.scan.has_ends {
-        model.say(MessageWeight::Warning, words(texts.scan_cut, &[&shown]));
+        let replaced = waited && typed.text() != number;
+        let told = words(texts.scan_cut, &[&shown]);
+        let told = if replaced { not_used(model, typed.text(), &told) } else { told };
+        model.say(MessageWeight::Warning, told);
     } else if model.place() != KeyContext::Idle {
         model.say(MessageWeight::Info, words(texts.scan_waits, &[&shown]));
     }
-    None
+    filed
+}
+
+/// Files the scan that waits without a line end: it is over when the next one begins. A scanner whose scans have line ends
+/// has cut it off, so the next one replaces it; so does a whole serial number, with a word. `Err`: it is no number of
+/// anything, so the next one, which may belong to it, is not taken either, and the operator is told.
+fn file_waiting(model: &mut ScreenModel, number: &str, ended: bool) -> Result<Option<Effect>, ()> {
+    let is_serial_number = other_number(model, number).is_none() && !is_part(model, number);
+    if !model.scan.waits() || model.scan.has_ends || (ended && is_serial_number) {
+        return Ok(None);
+    }
+    let filed = finish_typed(model);
+    if filed.is_err() {
+        tell_dropped(model, number);
+    }
+    filed
+}
+
+/// Adds to the message that a scan, or what was typed, is not used.
+fn tell_dropped(model: &mut ScreenModel, dropped: &str) {
+    let told = model.message.take();
+    let is_error = matches!(told, Some((MessageWeight::Error, _)));
+    let told = not_used(model, dropped, &told.map(|(_, told)| told).unwrap_or_default());
+    model.say(if is_error { MessageWeight::Error } else { MessageWeight::Warning }, told);
+}
+
+/// The words about a scan that is dropped, and what is told beside.
+pub(super) fn not_used(model: &ScreenModel, dropped: &str, beside: &str) -> String {
+    words(model.texts.not_used, &[&gnc_text::printable(dropped), beside])
 }
 
 /// Takes a whole scan as the serial number.
@@ -65,16 +104,22 @@ fn take_scanned(model: &mut ScreenModel, number: &str, typed: &InputField) -> Op
             return None;
         }
     };
-    if let Some(field) = other_number(model, &number) {
-        numbers::take(model, &field, &number);
-        return None;
-    }
-    if is_part(model, &number) {
-        numbers::take_part(model, &number);
+    let other = other_number(model, &number);
+    if other.is_some() || is_part(model, &number) {
+        match other {
+            Some(field) => numbers::take(model, &field, &number),
+            None => numbers::take_part(model, &number),
+        }
+        if !typed.is_empty() && typed.text() != number {
+            tell_dropped(model, typed.text());
+        }
         return None;
     }
     if let Some(problem) = misfit(model, &number) {
         model.say(MessageWeight::Error, problem);
+        if !typed.is_empty() {
+            tell_dropped(model, typed.text());
+        }
         return None;
     }
     let shown = gnc_text::printable(&number).into_owned();
@@ -115,7 +160,7 @@ fn take_back(model: &mut ScreenModel, count: usize) -> String {
 pub(super) fn finish_typed(model: &mut ScreenModel) -> Result<Option<Effect>, ()> {
     let texts = model.texts;
     let field = std::mem::take(&mut model.scan.typed);
-    model.scan.typed_by_scanner = false;
+    model.scan.unended.clear();
     let problem = match serial_number::check(field.text()) {
         _ if field.has_control() => texts.scan_control.to_owned(),
         _ if field.characters() > serial_number::MAX_CHARACTERS => too_long(model, field.characters()),
@@ -141,18 +186,18 @@ pub(super) fn finish_typed(model: &mut ScreenModel) -> Result<Option<Effect>, ()
 pub(super) fn take_number(model: &mut ScreenModel, number: String) -> Option<Effect> {
     let texts = model.texts;
     let shown = gnc_text::printable(&number).into_owned();
-    model.scan.typed_by_scanner = false;
+    if model.scan.next.as_ref().is_some_and(|next| *next != number) {
+        model.numbers.another_next();
+    }
     if model.is_running() {
         model.scan.next = Some(number);
         model.say(MessageWeight::Info, words(texts.scanned_next, &[&shown]));
         return None;
     }
-    if model.scan.current.as_ref() != Some(&number) {
-        let fields = model.asked_numbers();
-        model.numbers.new_module(&fields);
-    }
+    model.numbers.module_comes(model.scan.current.as_ref() != Some(&number));
     model.scan.current = Some(number);
     model.scan.next = None;
+    numbers::show(model);
     model.scan.standing = None;
     model.pending = None;
     // The verdict on the screen belongs to another module.
