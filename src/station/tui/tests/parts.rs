@@ -129,6 +129,18 @@ fn a_revision_without_a_part_is_refused() {
     }
 }
 
+/// Whoever starts a run in another way is refused, too.
+#[test]
+fn a_revision_without_a_part_starts_nothing() {
+    let refused = crate::args::asked_part(None, Some("C")).expect_err("it has no part");
+    assert_eq!(refused.what, "the revision \"C\" has no part number");
+    for lang in [Lang::Zh, Lang::Ru] {
+        for said in [&refused.what, &refused.try_this] {
+            assert_ne!(crate::phrases::in_language(said, lang), said.as_str(), "{lang:?}");
+        }
+    }
+}
+
 /// The label of the same part takes nothing away. That of another one takes the revision away, and says so.
 #[test]
 fn a_scan_of_a_part_keeps_the_revision_or_tells_that_it_is_gone() {
