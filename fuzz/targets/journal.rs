@@ -49,7 +49,7 @@ fn shown(record: &RunRecord) {
         passport::xml(passport).expect("a passport as XML");
     }
     let mut page = Vec::new();
-    report::html(&mut page, record, &passport, &[]).expect("a page in memory");
+    report::html(&mut page, record, &passport, &[], None).expect("a page in memory");
     let page = String::from_utf8(page).expect("a page is text");
     assert!(!page.contains("<script"));
     let written = serde_json::to_string(record).expect("a record is written");

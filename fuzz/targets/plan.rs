@@ -93,6 +93,8 @@ fn header(job: &Job) -> RunHeader {
     RunHeader {
         schema: gnc_executive::event::EVENTS_SCHEMA.to_owned(),
         serial_number: "F-1".to_owned(),
+        part: None,
+        numbers: Vec::new(),
         operator: None,
         station: "fuzz".to_owned(),
         program: ProgramVersion { name: "fuzz".to_owned(), version: String::new(), build: None },

@@ -239,6 +239,22 @@ impl PastRun {
         }
     }
 
+    /// Whether a pass of a plan before this run is refuted by it: the run is of the same plan and failed, or is kept in a
+    /// way that hides what it says.
+    pub fn speaks_against(&self, plan: &str) -> bool {
+        let hides = |flaw: &Flaw| {
+            let unproved = matches!(flaw, Flaw::NotClosed | Flaw::NotInChain | Flaw::ClosedLate);
+            unproved || matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::Unreadable)
+        };
+        // Of a run that is gone only the folder's name is known: the second one of a plan in a second ends with a number.
+        let rest = self.plan.strip_prefix(plan);
+        let number = rest.and_then(|rest| rest.strip_prefix('-'));
+        let may_be_of_it =
+            rest == Some("") || self.verdict.is_none() && number.is_some_and(|text| text.parse::<u32>().is_ok());
+        let failed = self.verdict.is_some_and(|verdict| verdict.of_items() == Outcome::Failed);
+        may_be_of_it && (failed || self.flaws.iter().any(hides))
+    }
+
     /// Whether a pass before this run is in doubt because of it.
     pub fn is_doubt(&self, of: BenchKind) -> bool {
         let of_this_world = of == BenchKind::Simulated || !self.simulated;
@@ -254,7 +270,8 @@ pub struct Standing {
     pub plan: String,
     /// The newest run that counts.
     pub counts: Option<PastRun>,
-    /// A later run that puts it in doubt; or, if no run counts, the newest run, of this plan before others.
+    /// A later run that puts it in doubt, one that [speaks against](PastRun::speaks_against) it before others; or, if no run
+    /// counts, the newest run, of this plan before others.
     pub beside: Option<PastRun>,
 }
 
@@ -267,21 +284,7 @@ impl Standing {
     /// Whether a run counts and passed, and no later run of this plan speaks against it or is kept in a way that hides what
     /// it says: another plan may build on the pass.
     pub fn passes_beyond_doubt(&self) -> bool {
-        let hides = |flaw: &Flaw| {
-            let unproved = matches!(flaw, Flaw::NotClosed | Flaw::NotInChain | Flaw::ClosedLate);
-            unproved || matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::Unreadable)
-        };
-        // Of a run that is gone only the folder's name is known: the second one of a plan in a second ends with a number.
-        let may_be_ours = |run: &PastRun| {
-            let rest = run.plan.strip_prefix(&self.plan);
-            let number = rest.and_then(|rest| rest.strip_prefix('-'));
-            rest == Some("") || run.verdict.is_none() && number.is_some_and(|text| text.parse::<u32>().is_ok())
-        };
-        let is_in_doubt = |run: &PastRun| {
-            let failed = run.verdict.is_some_and(|verdict| verdict.of_items() == Outcome::Failed);
-            may_be_ours(run) && (failed || run.flaws.iter().any(hides))
-        };
-        self.passes() && !self.beside.as_ref().is_some_and(is_in_doubt)
+        self.passes() && !self.beside.as_ref().is_some_and(|run| run.speaks_against(&self.plan))
     }
 
     /// Whether this plan was run as a whole on the module, whatever that is worth: a person may not want it twice.

@@ -1,19 +1,17 @@
 //! Sub-units that are already built into another module.
 
 use std::collections::HashSet;
-use std::fs;
 use std::path::Path;
 
 use gnc_executive::event::RunHeader;
 use gnc_executive::numbers::{GivenNumber, NumberKind};
-use gnc_executive::record::RunRecord;
 use gnc_executive::verdict::Verdict;
-use serde::Deserialize;
 
-use crate::store::{RECORD, reader};
+use crate::store::head::RunHead;
+use crate::store::reader;
 
-/// Most runs that are searched, from the newest back: the modules of a line in some months.
-const MAX_SEARCHED: usize = 20_000;
+/// Most runs that are searched, from the newest back: the modules of a line in some weeks. Of each, a few kilobytes are read.
+const MAX_SEARCHED: usize = 5_000;
 
 /// A sub-unit that another module has.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,12 +22,6 @@ pub struct Reused {
     pub serial_number: String,
     /// Its newest passed run, as a path below the records folder.
     pub run: String,
-}
-
-/// What the search needs of a record.
-#[derive(Deserialize)]
-struct Head {
-    numbers: Vec<GivenNumber>,
 }
 
 /// The sub-units of a run that the newest pass of another module names too. Simulated runs count for simulated runs only. A
@@ -44,11 +36,11 @@ pub fn of(records: &Path, run: &RunHeader) -> Vec<Reused> {
     // Module and key of which the newest pass is known.
     let mut known: HashSet<(String, String)> = HashSet::new();
     for folder in reader::newest(records, MAX_SEARCHED) {
-        let Some(record) = with_numbers(&folder) else { continue };
+        let Some(record) = RunHead::read(&folder).filter(|head| !head.numbers.is_empty()) else { continue };
         let counts = matches!(record.verdict, Verdict::Module(outcome) if outcome.is_good())
-            && record.recomputed.is_none()
-            && record.other_module.is_none();
-        if !counts || record.bench.kind != run.bench.kind || record.serial_number == run.serial_number {
+            && !record.rejudged
+            && !record.is_other_module;
+        if !counts || record.bench != run.bench.kind || record.serial_number == run.serial_number {
             continue;
         }
         for number in record.numbers.iter().filter(|number| number.kind == NumberKind::Subunit) {
@@ -67,12 +59,4 @@ pub fn of(records: &Path, run: &RunHeader) -> Vec<Reused> {
 /// Labels and keyboards differ in large and small letters.
 fn is_same(a: &str, b: &str) -> bool {
     a.to_uppercase() == b.to_uppercase()
-}
-
-/// The record of a run that names numbers.
-fn with_numbers(folder: &Path) -> Option<RunRecord> {
-    let bytes = fs::read(folder.join(RECORD)).ok()?;
-    // Most records have none, and need not be read whole.
-    serde_json::from_slice::<Head>(&bytes).ok().filter(|head| !head.numbers.is_empty())?;
-    serde_json::from_slice(&bytes).ok()
 }

@@ -61,14 +61,14 @@ struct WholeRun {
 
 impl WholeRun {
     /// The run, if it is one of this station and of a whole plan. A run whose record was not closed, or was closed late, is
-    /// errored, whatever it says.
+    /// errored, whatever it says; so is one of which the chain cannot be read.
     fn of(found: &FoundRun, of: &ShiftOf, late: &mut LateCloses) -> Option<Self> {
         let run = found.run.as_ref().ok()?;
         let outcome = run.verdict.of_module()?;
         let counts = run.station == of.station && run.bench.kind == of.kind && run.recomputed.is_none();
         // A run of another module than was scanned is of neither.
         let counts = counts && run.other_module.is_none();
-        let is_late = found.sealed && outcome.is_good() && late.of(&found.path).is_ok_and(|late| late.is_some());
+        let is_late = found.sealed && outcome.is_good() && late.of(&found.path).map_or(true, |late| late.is_some());
         let outcome = if found.sealed && !is_late { outcome } else { Outcome::Errored };
         counts.then(|| Self {
             serial_number: run.serial_number.clone(),

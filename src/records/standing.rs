@@ -106,7 +106,8 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
     Ok(found)
 }
 
-/// The newest run after the one that counts that puts it in doubt. The chain has the order of the runs that it names. Of the
+/// The newest run after the one that counts that puts it in doubt: one of the same plan that speaks against it before others,
+/// so that no run of another plan hides it. The chain has the order of the runs that it names. Of the
 /// others only their folders tell, by the clock of that time.
 fn doubt(
     records: &Path,
@@ -124,12 +125,16 @@ fn doubt(
             later.insert(place.unwrap_or(later.len()), folder);
         }
     }
+    let mut newest = None;
     for folder in later {
         if let Some(run) = past(&folder, question, seals)?.filter(|run| run.is_doubt(question.bench)) {
-            return Ok(Some(run));
+            if run.speaks_against(question.plan.name()) {
+                return Ok(Some(run));
+            }
+            newest.get_or_insert(run);
         }
     }
-    Ok(None)
+    Ok(newest)
 }
 
 /// The newest run of the module by this plan; if there is none, the newest of all.

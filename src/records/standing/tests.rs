@@ -206,6 +206,10 @@ fn a_run_that_was_closed_late_is_no_pass() {
     let standing = shelf.standing_at(LATER);
     let words = "functional passed 2026-11-28 14:00; then functional failed 2026-11-28 14:30: closed late";
     assert_eq!((standing.to_string().as_str(), standing.passes_beyond_doubt()), (words, false));
+    // A newer run of another plan does not hide it.
+    shelf.run_with("burn-in", "2026-11-28T14:35:05+08:00", |record| record["outcome"] = "aborted".into());
+    let standing = shelf.standing_at(LATER);
+    assert_eq!((standing.to_string().as_str(), standing.passes_beyond_doubt()), (words, false));
     fs::remove_dir_all(run).expect("a run");
     fs::remove_dir_all(shelf.path().join("2026-11-28/SN-1/140000-functional")).expect("a run");
     let run = late("2026-11-28T14:40:05+08:00", "passed");

@@ -5,7 +5,8 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
-use gnc_executive::event::{BenchInfo, BenchKind, EarlierRun, PlanInfo};
+use gnc_executive::event::{BenchInfo, BenchKind, EarlierRun, OtherModule, PlanInfo};
+use gnc_executive::numbers::GivenNumber;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::verdict::Verdict;
 use serde::Deserialize;
@@ -14,6 +15,8 @@ use super::RECORD;
 
 /// Longest head: before the items stand names, the bench, the board and what it broke, a few kilobytes.
 const MAX_HEAD_BYTES: u64 = 256 << 10;
+/// Read at once: nearly every head.
+const AT_ONCE_BYTES: u64 = 8 << 10;
 /// What stands before the items in the form that the station writes. No text of JSON holds a line end, so nothing else in
 /// the file looks so.
 const ITEMS: &str = "\n  \"items\": [";
@@ -31,6 +34,12 @@ pub struct RunHead {
     pub rejudged: bool,
     /// Seconds from its start to its end.
     pub elapsed_s: f64,
+    /// The scanned serial number.
+    pub serial_number: String,
+    /// Numbers of orders, sub-units and others.
+    pub numbers: Vec<GivenNumber>,
+    /// Whether another module than was scanned was in the socket.
+    pub is_other_module: bool,
 }
 
 /// The fields before the items.
@@ -40,8 +49,13 @@ struct HeadFields {
     #[serde(default)]
     selection_outcome: Option<Outcome>,
     interrupted: bool,
+    serial_number: String,
+    #[serde(default)]
+    numbers: Vec<GivenNumber>,
     plan: PlanInfo,
     bench: BenchInfo,
+    #[serde(default)]
+    other_module: Option<OtherModule>,
     #[serde(default)]
     recomputed: Option<EarlierRun>,
     selection: Option<Vec<String>>,
@@ -64,13 +78,21 @@ impl RunHead {
             bench: fields.bench.kind,
             rejudged: fields.recomputed.is_some(),
             elapsed_s: fields.elapsed_s,
+            serial_number: fields.serial_number,
+            numbers: fields.numbers,
+            is_other_module: fields.other_module.is_some(),
         })
     }
 }
 
 fn beginning(file: &Path) -> io::Result<String> {
+    let mut file = File::open(file)?.take(MAX_HEAD_BYTES);
     let mut bytes = Vec::new();
-    File::open(file)?.take(MAX_HEAD_BYTES).read_to_end(&mut bytes)?;
+    while (&mut file).take(AT_ONCE_BYTES).read_to_end(&mut bytes)? > 0 {
+        if String::from_utf8_lossy(&bytes).contains(ITEMS) {
+            break;
+        }
+    }
     // The cut may go through a character of the items.
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }

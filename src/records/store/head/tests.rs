@@ -42,6 +42,9 @@ fn the_head_is_enough() {
         bench: BenchKind::Real,
         rejudged: false,
         elapsed_s: 60.5,
+        serial_number: "SN \n  \"items\": [".to_owned(),
+        numbers: Vec::new(),
+        is_other_module: false,
     };
     let long = vec![0xff; 2 * usize::try_from(MAX_HEAD_BYTES).unwrap()];
     assert_eq!(head_of(&passed, &long), Some(expected.clone()));
