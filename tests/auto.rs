@@ -79,25 +79,42 @@ const ASKING: &str = "name = \"by-hand\"\nversion = \"1\"\n[[item]]\nid = \"prom
                       en = \"What does the meter read?\"\nkind = \"number\"\nunit = \"V\"\n\
                       [item.limits]\ntp4 = \"4.9 V .. 5.1 V\"\n";
 
-/// Nothing answers in place of a person: without `--answer` the item is errored, and with it it is judged.
+/// Nothing answers in place of a person. With `--answer` the item is judged.
 #[test]
 fn answers_of_the_command_line_are_judged() {
-    for (answer, code, word) in [
-        (None, 3, "nobody is there to answer the question tp4"),
-        (Some("tp4=5,01 V"), 0, "tp4 5.01 V (4.9 .. 5.1 V)"),
-        (Some("tp4=3300 mV"), 1, "tp4 3.3 V (4.9 .. 5.1 V)"),
-    ] {
+    for (answer, code, word) in
+        [("tp4=5,01 V", 0, "tp4 5.01 V (4.9 .. 5.1 V)"), ("tp4=3300 mV", 1, "tp4 3.3 V (4.9 .. 5.1 V)")]
+    {
         let place = Place::new(STATION);
         place.write("p.toml", ASKING);
         let args = ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "A"];
-        let run = place.run(args.into_iter().chain(answer.iter().flat_map(|answer| ["--answer", *answer])));
+        let run = place.run(args.into_iter().chain(["--answer", answer]));
         assert_eq!(run.code, Some(code), "{answer:?}: {}{}", run.stdout, run.stderr);
         assert!(run.stdout.contains(word), "{answer:?}: {}", run.stdout);
-        assert_eq!(run.stdout.contains("--answer NAME=VALUE"), answer.is_none(), "{}", run.stdout);
         let report = std::fs::read_to_string(place.runs()[0].join("report.html")).expect("a report");
         let asked = ["What does the meter read?", "the command line"].iter().all(|words| report.contains(words));
-        assert_eq!(asked, answer.is_some(), "{answer:?}: the report has question and answer");
+        assert!(asked, "{answer:?}: the report has question and answer");
     }
+}
+
+/// A question that nobody can answer is known before anything is switched on. One of an item that is not chosen does not
+/// count.
+#[test]
+fn questions_that_nobody_answers_are_refused_before_the_run() {
+    let more = "[[item.ask]]\nname = \"lid\"\nen = \"Close the lid.\"\nkind = \"done\"\n[item.limits]";
+    let identity = "[[item]]\nid = \"identity\"\n[item.limits]\nprotocol = \"== 1\"\n";
+    let plan = format!("{}{identity}", ASKING.replace("[item.limits]", more));
+    let files = [("p.toml", plan.as_str())];
+    let args = ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "A"];
+    check_refused(&args, &files, &["nobody is there to answer what the plan asks: tp4, lid\n", "--answer NAME=VALUE"]);
+    check_refused(&[&args[..], &["--answer", "tp4=5"]].concat(), &files, &["what the plan asks: lid\n"]);
+    check_refused(&[&args[..], &["--only", "prompt"]].concat(), &files, &["what the plan asks: tp4, lid\n"]);
+    let place = Place::new(STATION);
+    place.write("p.toml", &plan);
+    let chosen = place.run([&args[..], &["--only", "identity"]].concat());
+    assert_eq!(chosen.code, Some(5), "{}{}", chosen.stdout, chosen.stderr);
+    let answered = place.run([&args[..], &["--answer", "tp4=5", "--answer", "lid=done"]].concat());
+    assert_eq!(answered.code, Some(0), "{}{}", answered.stdout, answered.stderr);
 }
 
 /// Before anything is switched on: an answer without a question, one that is none, a picture that is not there.

@@ -2,6 +2,7 @@
 //! device.
 
 mod ask;
+mod lines;
 
 use std::io::BufRead as _;
 use std::sync::Arc;
@@ -13,12 +14,10 @@ use tokio::sync::{Mutex, oneshot};
 
 use crate::recorder::Recorder;
 pub use ask::{Ask, QuestionAsked, SwitchReading, TakenOver, about_axis, numbered, turn_rates};
+pub(crate) use lines::YES;
 
 /// Bound on the lines typed ahead that are kept. More lines mean that a key is held down.
 const TYPED_AHEAD: usize = 16;
-
-/// The line that goes back to the question before.
-pub const BACK: &str = "<";
 
 /// Why the module was not turned or a switch not flipped.
 #[derive(Debug, thiserror::Error)]
@@ -224,7 +223,7 @@ pub(crate) async fn at_the_screen(
     answered.await.map_err(|_| closed())
 }
 
-/// A person at the terminal who answers with Enter, or with `n` for no.
+/// A person at the terminal who answers with Enter, or with `n` for no; questions of a plan with a line.
 #[derive(Debug)]
 pub struct Operator {
     lines: Mutex<mpsc::Receiver<String>>,
@@ -260,11 +259,7 @@ impl Operator {
     pub(crate) async fn reply(&self, ask: &Ask) -> Result<Reply, FixtureError> {
         let mut lines = self.lines.lock().await;
         let line = lines.recv().await.ok_or_else(|| FixtureError::TerminalClosed { what: ask.action() })?;
-        Ok(match line.trim() {
-            BACK => Reply::Back,
-            "n" | "N" if !ask.wants_text() => Reply::NotPossible,
-            _ => Reply::Text(line),
-        })
+        Ok(ask.reply(line))
     }
 
     /// Waits for an empty line or a no. Any other line, such as a scan, asks again.

@@ -76,10 +76,13 @@ impl Answers {
         Self { person, ..self }
     }
 
-    /// Whether a plan asks something that is not answered yet.
+    /// Names of the questions that a run of the chosen items asks and that are not answered yet. Without a selection it
+    /// is a run of the whole plan.
     #[must_use]
-    pub fn lack(&self, plan: &Plan) -> bool {
-        plan.items().iter().flat_map(|item| &item.questions).any(|question| self.to(question).is_none())
+    pub fn lack<'a>(&self, plan: &'a Plan, selection: Option<&[String]>) -> Vec<&'a str> {
+        let chosen = plan.items().iter().filter(|item| item.is_chosen(selection));
+        let asked = chosen.flat_map(|item| &item.questions).filter(|question| self.to(question).is_none());
+        asked.map(|question| question.name.as_str()).collect()
     }
 
     /// The answer that is known before the run.

@@ -149,11 +149,7 @@ impl Job {
             mistakes
                 .add(|| Mistake::nowhere("no item is selected", "name at least one item, or leave the selection out"));
         }
-        let selected: Vec<bool> = plan
-            .items()
-            .iter()
-            .map(|item| item.phase != Phase::Test || only.is_none_or(|only| only.contains(&item.name)))
-            .collect();
+        let selected: Vec<bool> = plan.items().iter().map(|item| item.is_chosen(only)).collect();
         let mut missing = Vec::with_capacity(plan.items().len());
         for (item, selected) in plan.items().iter().zip(&selected) {
             let device = item.devices().find(|device| *selected && !bench.has(*device));

@@ -355,6 +355,11 @@ impl PlanItem {
         self.id.spec().devices.iter().copied().chain(asks.then_some(Device::Operator))
     }
 
+    /// Whether it belongs to a selection of names. Setup and teardown belong to each, and all items if there is none.
+    pub fn is_chosen(&self, selection: Option<&[String]>) -> bool {
+        self.phase != Phase::Test || selection.is_none_or(|names| names.contains(&self.name))
+    }
+
     /// All limits, in the order of the catalogue.
     pub fn limits(&self) -> impl Iterator<Item = (&str, &Limit)> {
         self.limits.iter().map(|limit| (&*limit.measurement, &limit.limit))

@@ -76,9 +76,16 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     let operator = bench.habits.operator(args.operator.as_deref())?;
     let answers =
         Answers::given(&args.answers, plan.plan()).map_err(|wrong| CommandRefusal::new(wrong.what, &wrong.hint))?;
+    let open = answers.lack(plan.plan(), args.only.as_deref());
+    if !open.is_empty() && !io::stdin().is_terminal() {
+        // An hour of a calibration would go before the first of them is asked.
+        let what = format!("nobody is there to answer what the plan asks: {}", open.join(", "));
+        let hint = "answer each with --answer NAME=VALUE, or run the plan on a terminal or on the screen";
+        return Err(CommandRefusal::new(what, hint));
+    }
     // A simulated bench does all by itself but for answering.
     let simulated = bench.bench.kind == BenchKind::Simulated;
-    let answers = match simulated && answers.lack(plan.plan()) && io::stdin().is_terminal() {
+    let answers = match simulated && !open.is_empty() {
         true => answers.with(Person::Terminal(Arc::new(terminal()?))),
         false => answers,
     };

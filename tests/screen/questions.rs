@@ -101,13 +101,41 @@ fn auto_asks_at_the_terminal() {
     terminal.wait_until("the first question again", |screen| screen.contents().matches("Limit: 4.9").count() == 3);
     terminal.types(b"5.01 V\r");
     terminal.wait_until("the second question again", |screen| screen.contents().matches("GPS board").count() == 2);
-    terminal.types(b"GPS-00042\r");
-    terminal.wait_for("Look over what is filed: tp4: 5.01 V. gps_board: GPS-00042.");
-    terminal.types(b"\r");
+    // A scanner that ends its line with CR LF: the second line confirms nothing.
+    terminal.types(b"GPS-00042\r\n");
+    terminal.wait_for("Look over what is filed: tp4: 5.01 V. gps_board: GPS-00042. Press y, Enter if it is right.");
+    terminal.types(b"5.02\r");
+    terminal.wait_for(">> No: \"5.02\" neither confirms nor corrects; y confirms, < goes back. Look over");
+    terminal.types(b"y\r");
     terminal.wait_for("PASSED (simulated)");
     ends_well(terminal);
-    assert_eq!(measured(&place)[0], (5.01.into(), "passed".into()));
+    let passed = || Value::from("passed");
+    assert_eq!(measured(&place), [(5.01.into(), passed()), ("GPS-00042".into(), passed())]);
     let run = place.record();
     let answer = &run["items"][0]["attempts"][0]["details"][0]["answers"][0];
     assert_eq!((&answer["answered before"], &answer["by"]), (&"50,1".into(), &"the operator, at the terminal".into()));
+}
+
+/// Choices that are named as the commands of the terminal are answers, and Enter does not say "done".
+#[test]
+fn auto_takes_choices_before_commands() {
+    let place = Place::new(STATION);
+    let asks = "[[item.ask]]\nname = \"lid\"\nen = \"Close the lid.\"\nkind = \"done\"\n[[item.ask]]\nname = \"sealed\"\n\
+                en = \"Is it sealed?\"\nkind = \"choice\"\nchoices = [\"Y\", \"N\"]\ngood = [\"N\"]\n";
+    let head = "name = \"by-hand\"\nversion = \"1\"\n[[item]]\nid = \"prompt\"\nname = \"by-hand\"\n";
+    place.write("p.toml", &format!("{head}{asks}"));
+    let args = ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "Q-1"];
+    let mut terminal = open(&place, &args, 200, 50);
+    terminal.wait_for("Close the lid. Press y, Enter when it is done. (n: not possible)");
+    terminal.types(b"\r");
+    terminal.wait_for(">> No: \"\" is not done; write done. Close the lid.");
+    terminal.types(b"y\r");
+    terminal.wait_for("1 Y, 2 N. Limit: == N. Press Enter when it is typed. (/n: not possible; <: back)");
+    terminal.types(b"n\r");
+    terminal.wait_for("Look over what is filed: sealed: N.");
+    terminal.types(b"done\r");
+    terminal.wait_for("PASSED (simulated)");
+    ends_well(terminal);
+    let passed = || Value::from("passed");
+    assert_eq!(measured(&place), [("done".into(), passed()), ("N".into(), passed())]);
 }

@@ -9,13 +9,13 @@ use chrono::{DateTime, FixedOffset};
 use gnc_analysis::figures::Findings;
 use gnc_executive::details::Details;
 use gnc_executive::measurement::Value;
-use gnc_executive::plan::{Question, QuestionKind};
-use gnc_text::printable;
+use gnc_executive::plan::{AnswerError, Question, QuestionKind};
+use gnc_text::{printable, quoted};
 use serde_json::json;
 
 use super::{ProcedureContext, ProcedureError, Recorder};
 use crate::clock;
-use crate::fixture::{Ask, FixtureError, QuestionAsked, Reply};
+use crate::fixture::{Ask, FixtureError, QuestionAsked, Reply, YES};
 use crate::questions::Asked;
 
 /// Who gave an answer that came with the order for the run.
@@ -109,18 +109,28 @@ impl Asker<'_> {
         }
         let Some(last) = lines.iter().rfind(|line| line.by_person) else { return Ok(None) };
         let ask = Ask::LookOver(said);
-        self.person.forget().await;
-        self.recorder.asked(last.question, &ask.to_string()).await?;
-        match self.person.reply(&ask, self.recorder).await? {
-            Reply::Back => {
-                self.recorder.told(last.question, "the last answer is to be given again").await?;
-                Ok(Some(lines.len()))
+        let mut words = ask.to_string();
+        loop {
+            self.person.forget().await;
+            self.recorder.asked(last.question, &words).await?;
+            match self.person.reply(&ask, self.recorder).await? {
+                Reply::Back => {
+                    self.recorder.told(last.question, "the last answer is to be given again").await?;
+                    return Ok(Some(lines.len()));
+                }
+                Reply::Done => {
+                    self.recorder.told(last.question, "").await?;
+                    return Ok(None);
+                }
+                // A scan, its second line end, or a correction that must not be lost.
+                Reply::Text(typed) => {
+                    let typed = typed.trim();
+                    self.recorder.told(last.question, typed).await?;
+                    let typed = quoted(typed);
+                    words = format!("No: {typed} neither confirms nor corrects; {YES} confirms, < goes back. {ask}");
+                }
+                Reply::NotPossible => return Err(FixtureError::Refused { what: ask.action() }.into()),
             }
-            Reply::Done | Reply::Text(_) => {
-                self.recorder.told(last.question, "").await?;
-                Ok(None)
-            }
-            Reply::NotPossible => Err(FixtureError::Refused { what: ask.action() }.into()),
         }
     }
 
@@ -137,7 +147,10 @@ impl Asker<'_> {
             }
             self.person.forget().await;
             self.recorder.asked(question, &ask.to_string()).await?;
-            let typed = match self.person.reply(&ask, self.recorder).await? {
+            let reply = self.person.reply(&ask, self.recorder).await?;
+            // An empty line may be the second line end of a scan.
+            let is_done = reply == Reply::Done;
+            let typed = match reply {
                 Reply::NotPossible => {
                     self.recorder.told(question, "not possible").await?;
                     return Err(FixtureError::Refused { what: ask.action() }.into());
@@ -155,7 +168,9 @@ impl Asker<'_> {
                 Reply::Text(typed) => typed,
             };
             self.recorder.told(question, typed.trim()).await?;
-            match question.read(&typed) {
+            let empty = typed.trim().is_empty() && question.kind == QuestionKind::Done && !is_done;
+            let read = if empty { Err(AnswerError::NotDone { text: String::new() }) } else { question.read(&typed) };
+            match read {
                 Ok(value) => {
                     let by = self.recorder.operator().unwrap_or_else(|| "the operator".to_owned());
                     let by = format!("{by}, {}", self.person);

@@ -8,6 +8,7 @@ use gnc_text::{printable, quoted};
 
 use super::item::{self, NAME_CHARACTERS, RawItem, check_name};
 use super::part::{self, Known, RawTable};
+use super::question::Asked;
 use super::resume::{self, ResumeRules};
 use super::{
     DEFAULT_VALID_DAYS, MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, MAX_REQUIRED_PLANS,
@@ -290,8 +291,8 @@ fn link(mut raw: Vec<RawItem>, sources: &[SourceText], unreadable: bool, mistake
 /// Refuses two questions of one name: an answer on the command line names its question alone.
 fn check_questions(raw: &[RawItem], sources: &[SourceText], mistakes: &mut Mistakes) {
     let mut seen: HashMap<&str, ()> = HashMap::new();
-    for RawItem { item, question_spans, .. } in raw {
-        for (question, span) in item.questions.iter().zip(question_spans) {
+    for RawItem { item, asked, .. } in raw {
+        for Asked { question, name_span: span, .. } in asked {
             if seen.insert(&question.name, ()).is_some() {
                 let what = format!("two questions have the name {}", quoted(&question.name));
                 let hint = "give one of them another name: answers are filed under it";

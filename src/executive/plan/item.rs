@@ -5,6 +5,7 @@ use std::sync::Arc;
 use gnc_config::{Span, TomlTable, Walk, did_you_mean};
 use gnc_text::quoted;
 
+use super::question::Asked;
 use super::{ItemPlace, Phase, PlanItem, limits, params, question};
 use crate::catalogue::{ItemId, ParamKind};
 use crate::quantity::{Dimension, quantity_at};
@@ -32,8 +33,8 @@ pub(super) struct RawItem {
     pub(super) requires: Vec<(String, Span)>,
     /// The item whose captures this item uses.
     pub(super) source: Option<(String, Span)>,
-    /// Where the names of its questions stand.
-    pub(super) question_spans: Vec<Span>,
+    /// Its questions, as read.
+    pub(super) asked: Vec<Asked>,
 }
 
 /// Reads an item; `None` if its kind is unknown, since its other keys cannot be checked then.
@@ -89,8 +90,6 @@ pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, (source, plan): (u
         walk.mistake(id_span.clone(), what, "write them below a line [item.limits]");
     }
     table.finish();
-    let (questions, question_spans) =
-        asked.into_iter().map(|asked| (Arc::new(asked.question), asked.name_span)).unzip();
     let item = PlanItem {
         name: name.to_owned(),
         id,
@@ -104,11 +103,11 @@ pub(super) fn read(walk: &Walk<'_>, table: TomlTable<'_, '_>, (source, plan): (u
         decision,
         prompt,
         params,
-        questions,
+        questions: asked.iter().map(|asked| Arc::clone(&asked.question)).collect(),
         limits: limits.unwrap_or_default(),
         place: ItemPlace { source, start: id_span.start, end: id_span.end },
     };
-    Some(RawItem { item, name_span, requires, source: captures, question_spans })
+    Some(RawItem { item, name_span, requires, source: captures, asked })
 }
 
 fn phase(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Phase {

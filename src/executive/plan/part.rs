@@ -15,7 +15,8 @@ use gnc_config::{Mistake, Mistakes, SourceText, Span, TomlEntry, TomlTable, Walk
 use gnc_text::quoted;
 
 use super::item::RawItem;
-use super::{ItemLimit, PlanItem, limits};
+use super::{ItemLimit, PlanItem, limits, question};
+use crate::catalogue::ItemId;
 use crate::part::{PartKey, PartName, unfit};
 
 /// Most tables of parts and revisions of a plan: more than any family of products has.
@@ -125,7 +126,10 @@ fn of_item(walk: &Walk<'_>, entry: &TomlEntry<'_, '_>, known: &Known<'_>) -> Opt
     };
     let table = entry.table()?;
     let many = table.entries().len();
-    let limits = limits::read(walk, Some(&table), raw.item.id, &raw.item.params)?;
+    let limits = match raw.item.id {
+        ItemId::Prompt => question::limits_of_part(walk, &table, &raw.asked),
+        id => limits::read(walk, Some(&table), id, &raw.item.params),
+    }?;
     // Some of several limits may be refused.
     (many == 0 || !limits.is_empty()).then(|| (name.to_owned(), limits))
 }

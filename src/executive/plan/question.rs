@@ -9,7 +9,7 @@ use crate::quantity::Unit;
 use crate::serial_number::SerialNumberPattern;
 
 pub use answer::AnswerError;
-pub(super) use read::{limits, questions};
+pub(super) use read::{Asked, limits, limits_of_part, questions};
 
 /// The value of a question that has no other answer than "done".
 pub const DONE: &str = "done";

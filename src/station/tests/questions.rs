@@ -87,6 +87,11 @@ fn given(answers: &[(&str, &str)]) -> Answers {
 
 /// A run with a person at the screen who replies in this order, and then says no more.
 fn with_person(given: Answers, replies: &[Reply]) -> Asked {
+    with_person_by(PLAN, given, replies)
+}
+
+/// The same by another plan.
+fn with_person_by(plan: &str, given: Answers, replies: &[Reply]) -> Asked {
     let (screen, mut questions) = mpsc::channel::<OperatorQuestion>(4);
     let replies = replies.to_vec();
     let person = std::thread::spawn(move || {
@@ -98,7 +103,7 @@ fn with_person(given: Answers, replies: &[Reply]) -> Asked {
     let asked = RunRequest {
         answers: given.with(Person::Screen(screen)),
         operator: Some("Chen Wei".to_owned()),
-        ..request(PLAN)
+        ..request(plan)
     };
     let done = run(&asked);
     person.join().expect("a person");
@@ -173,7 +178,7 @@ fn a_person_answers_and_the_record_has_it() {
         [
             "How does the housing look? 1 clean, 2 scratched. Limit: == clean. Press Enter when it is typed. (n: not possible; <: back)",
             "1",
-            "Look over what is filed: tp4: 5.01 V. gps_board: GPS-00042. look: clean. Press Enter if it is right. (n: not possible; <: back)",
+            "Look over what is filed: tp4: 5.01 V. gps_board: GPS-00042. look: clean. Press y, Enter if it is right. (n: not possible; <: back)",
             ""
         ]
     );
@@ -210,6 +215,46 @@ fn what_is_no_answer_is_asked_again() {
     assert!(said[2].starts_with("No: the answer is empty; type or scan the answer. What does"), "{}", said[2]);
     assert!(said[8].starts_with("No: \"1,234\" could be 1.234 or 1234; write it with a decimal point"), "{}", said[8]);
     assert!(journal(&done.events, "gps_board")[2].starts_with("No: \"GPS-1\" does not match GPS-[0-9]{5};"));
+}
+
+/// Neither a correction that is typed without going back nor the second line end of a scan confirms the answers.
+#[test]
+fn only_a_yes_confirms_the_answers() {
+    let lines = [text("5.02"), text(""), text("GPS-00043")];
+    let replies = [vec![text("5.01"), text("GPS-00042"), text("1")], lines.to_vec(), vec![Reply::Back, text("2")]];
+    let done = with_person(Answers::default(), &[replies.concat(), vec![text(""), Reply::Done]].concat());
+    let values: Vec<String> = measured(&done.attempt).into_iter().map(|(_, value, _)| value).collect();
+    assert_eq!(values, ["5.01 V", "GPS-00042", "scratched"]);
+    let said = journal(&done.events, "look");
+    for (at, typed) in [(4, "\"5.02\""), (6, "\"\""), (8, "\"GPS-00043\"")] {
+        let no =
+            format!("No: {typed} neither confirms nor corrects; y confirms, < goes back. Look over what is filed: ");
+        assert!(said[at].starts_with(&no), "{}", said[at]);
+    }
+}
+
+const LID: &str = r#"
+name = "lid"
+version = "1"
+[[item]]
+id = "prompt"
+name = "by-hand"
+[[item.ask]]
+name = "lid"
+en = "Close the lid."
+kind = "done"
+"#;
+
+/// A line end at the terminal is no "done": a scanner sends two.
+#[test]
+fn an_empty_line_does_nothing() {
+    let done = with_person_by(LID, Answers::default(), &[text(""), text("GPS-00042"), text(" \r"), Reply::Done]);
+    assert_eq!(measured(&done.attempt), [("lid", "done".to_owned(), Some(Outcome::Passed))]);
+    let said = journal(&done.events, "lid");
+    assert_eq!(said[0], "Close the lid. Press y, Enter when it is done. (n: not possible)");
+    for (at, typed) in [(2, "\"\""), (4, "\"GPS-00042\""), (6, "\"\"")] {
+        assert!(said[at].starts_with(&format!("No: {typed} is not done; write done. Close")), "{}", said[at]);
+    }
 }
 
 /// The last answer counts. The one that was taken back stays in the journal, is not judged, and the record tells of it.

@@ -1,8 +1,9 @@
 //! The `[[item.ask]]` of a plan, and the limits of the answers.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
-use gnc_config::{Span, TomlTable, Walk, did_you_mean};
+use gnc_config::{Span, TomlEntry, TomlTable, Walk, did_you_mean};
 use gnc_text::quoted;
 
 use super::super::limits::{Limited, limit_of};
@@ -27,7 +28,7 @@ const KINDS: [&str; 4] = ["text", "number", "choice", DONE];
 
 /// A question as read, with what its own keys say of good answers.
 pub(in super::super) struct Asked {
-    pub(in super::super) question: Question,
+    pub(in super::super) question: Arc<Question>,
     pub(in super::super) name_span: Span,
     good: Option<Limit>,
 }
@@ -56,7 +57,35 @@ pub(in super::super) fn limits(
     table: Option<&TomlTable<'_, '_>>,
     asked: &[Asked],
 ) -> Option<Vec<ItemLimit>> {
-    let mut chosen: Vec<Option<Limit>> = asked.iter().map(|asked| asked.good.clone()).collect();
+    let (written, refused) = written(walk, table, asked);
+    let chosen = asked.iter().zip(written).map(|(asked, limit)| limit.or_else(|| asked.good.clone()));
+    named(asked, chosen, refused)
+}
+
+/// Reads the limits that a part has for the answers: only those that its table writes. `None` if some were refused.
+pub(in super::super) fn limits_of_part(
+    walk: &Walk<'_>,
+    table: &TomlTable<'_, '_>,
+    asked: &[Asked],
+) -> Option<Vec<ItemLimit>> {
+    let (written, refused) = written(walk, Some(table), asked);
+    named(asked, written, refused)
+}
+
+/// Limits with the names of their questions. `None` if some were refused and no other is left.
+fn named(asked: &[Asked], limits: impl IntoIterator<Item = Option<Limit>>, refused: bool) -> Option<Vec<ItemLimit>> {
+    let name = |asked: &Asked| Cow::Owned(asked.question.name.clone());
+    let limits: Vec<ItemLimit> = asked
+        .iter()
+        .zip(limits)
+        .filter_map(|(asked, limit)| Some(ItemLimit { measurement: name(asked), limit: limit? }))
+        .collect();
+    (!refused || !limits.is_empty()).then_some(limits)
+}
+
+/// Reads the limits of a table, one place for each question, and whether some were refused.
+fn written(walk: &Walk<'_>, table: Option<&TomlTable<'_, '_>>, asked: &[Asked]) -> (Vec<Option<Limit>>, bool) {
+    let mut limits = vec![None; asked.len()];
     let mut refused = false;
     for entry in table.into_iter().flat_map(TomlTable::entries) {
         let key = entry.key();
@@ -67,30 +96,35 @@ pub(in super::super) fn limits(
             refused = true;
             continue;
         };
-        let question = &asked[at].question;
-        let (kind, unit) = match question.kind {
-            QuestionKind::Number { unit } => (MeasurementKind::Number(unit.dimension()), unit),
-            _ => (MeasurementKind::Text, Unit::Count),
-        };
-        if matches!(question.kind, QuestionKind::Done) || (asked[at].good.is_some() && kind == MeasurementKind::Text) {
-            let what = format!("{} has another limit already", quoted(key));
-            entry.key_mistake(what, "its kind, its pattern or its good choices judge it; leave this limit out");
-            refused = true;
-            continue;
-        }
-        match limit_of(walk, &entry, &Limited { name: key, kind, unit }) {
-            Some(limit) => chosen[at] = Some(limit),
-            None => refused = true,
-        }
+        limits[at] = of_answer(walk, &entry, &asked[at]);
+        refused |= limits[at].is_none();
     }
-    let limits: Vec<ItemLimit> = asked
-        .iter()
-        .zip(chosen)
-        .filter_map(|(asked, limit)| {
-            Some(ItemLimit { measurement: Cow::Owned(asked.question.name.clone()), limit: limit? })
-        })
-        .collect();
-    (!refused || !limits.is_empty()).then_some(limits)
+    (limits, refused)
+}
+
+/// Reads the limit of an answer; `None` if it is refused.
+fn of_answer(walk: &Walk<'_>, entry: &TomlEntry<'_, '_>, asked: &Asked) -> Option<Limit> {
+    let (key, question) = (entry.key(), &asked.question);
+    let (kind, unit) = match question.kind {
+        QuestionKind::Number { unit } => (MeasurementKind::Number(unit.dimension()), unit),
+        _ => (MeasurementKind::Text, Unit::Count),
+    };
+    if matches!(question.kind, QuestionKind::Done) || (asked.good.is_some() && kind == MeasurementKind::Text) {
+        let what = format!("{} has another limit already", quoted(key));
+        entry.key_mistake(what, "its kind, its pattern or its good choices judge it; leave this limit out");
+        return None;
+    }
+    let limit = limit_of(walk, entry, &Limited { name: key, kind, unit })?;
+    // Every answer would fail.
+    if let (QuestionKind::Choice { of }, Limit::Text(Expected::Literal(text))) = (&question.kind, &limit)
+        && !of.contains(text)
+    {
+        let names = || of.iter().map(String::as_str);
+        let hint = did_you_mean(text, names(), || format!("it may be {}", names().collect::<Vec<_>>().join(", ")));
+        entry.mistake(format!("{} is no choice", quoted(text)), hint);
+        return None;
+    }
+    Some(limit)
 }
 
 /// Reads a question; `None` if a part without which it cannot be asked is wrong.
@@ -113,7 +147,8 @@ fn one(walk: &Walk<'_>, table: TomlTable<'_, '_>, plan: &str) -> Option<Asked> {
     table.finish();
     let ((name, name_span), (kind, good)) = (name?, kind?);
     let words = QuestionWords { en: en?, zh, ru };
-    Some(Asked { question: Question { name: name.to_owned(), words, kind, picture }, name_span, good })
+    let question = Arc::new(Question { name: name.to_owned(), words, kind, picture });
+    Some(Asked { question, name_span, good })
 }
 
 fn words(walk: &Walk<'_>, text: Option<(&str, Span)>) -> Option<String> {

@@ -180,6 +180,7 @@ fn a_picture_stands_beside_its_plan() {
 fn mistakes_in_questions_are_told() {
     let ask = |name: &str, more: &str| format!("[[item.ask]]\nname = \"{name}\"\nen = \"What?\"\n{more}\n");
     let number = ask("a", "kind = \"number\"\nunit = \"V\"");
+    let choice = ask("a", "kind = \"choice\"\nchoices = [\"clean\", \"worn\"]");
     for (text, said) in [
         (String::new(), "the item asks nothing"),
         (ask("a", "kind = \"numbr\""), "unknown kind \"numbr\""),
@@ -206,6 +207,9 @@ fn mistakes_in_questions_are_told() {
         (format!("{number}[item.limits]\na = \"<= 5 A\"\n"), "current"),
         (format!("{number}[item.limits]\nb = \"<= 5 V\"\n"), "the item does not ask \"b\""),
         (format!("{}[item.limits]\na = \"== yes\"\n", ask("a", "kind = \"done\"")), "has another limit already"),
+        (format!("{choice}[item.limits]\na = \"== Clean\"\n"), "did you mean \"clean\"?"),
+        (format!("{choice}[item.limits]\na = \"== Clean\"\n"), "\"Clean\" is no choice"),
+        (format!("{choice}[item.limits]\na = \"== rust\"\n"), "it may be clean, worn"),
         (format!("timeout = \"5 s\"\n{}", ask("a", "kind = \"done\"")), "a question has no time limit"),
         (format!("{}zh = \"\"\n", ask("a", "kind = \"done\"")), "the question has 0 characters"),
     ] {
@@ -233,4 +237,13 @@ fn an_answer_can_be_held_against_the_serial_number() {
     let item = plan(text).expect("a plan").items()[0].clone();
     assert_eq!(judged(&item, "box", "SN-1").outcome, Some(Outcome::Passed));
     assert_eq!(judged(&item, "box", "SN-2").outcome, Some(Outcome::Failed));
+}
+
+/// A choice without good ones is judged by a limit that names one of them.
+#[test]
+fn a_limit_names_a_choice() {
+    let text = "[[item.ask]]\nname = \"look\"\nen = \"How does it look?\"\nkind = \"choice\"\nchoices = [\"clean\", \"worn\"]\n[item.limits]\nlook = \"== clean\"\n";
+    let item = plan(text).expect("a plan").items()[0].clone();
+    assert_eq!(judged(&item, "look", "1").outcome, Some(Outcome::Passed));
+    assert_eq!(judged(&item, "look", "worn").outcome, Some(Outcome::Failed));
 }

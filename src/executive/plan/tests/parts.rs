@@ -165,3 +165,64 @@ fn a_part_that_the_plan_does_not_name_is_refused_if_it_requires_one() {
     let told = mistakes(&text(""));
     assert!(told.contains("requires a part that it names, and names none"), "{told}");
 }
+
+const ASKING: &str = r#"
+name = "p"
+version = "1"
+[[item]]
+id = "prompt"
+name = "by-hand"
+[[item.ask]]
+name = "remark"
+en = "What else?"
+kind = "choice"
+choices = ["none", "some"]
+[[item.ask]]
+name = "tp4"
+en = "What does the meter at TP4 read?"
+kind = "number"
+unit = "V"
+[[item.ask]]
+name = "look"
+en = "How does it look?"
+kind = "choice"
+choices = ["clean", "worn"]
+good = ["clean"]
+[item.limits]
+tp4 = { limit = "4.9 V .. 5.1 V", marginal = "20 mV" }
+[part.GNC-1.limits]
+"#;
+
+/// Answers are measurements, so a part and a revision have limits for them as for any other.
+#[test]
+fn a_part_has_limits_for_answers() {
+    let plan = plan(&format!(
+        "{ASKING}by-hand.tp4 = \"3.2 V .. 3.4 V\"\nby-hand.remark = \"== none\"\n\
+         [part.GNC-1.revision.B.limits]\nby-hand.tp4 = \"1.7 V .. 1.9 V\"\n"
+    ));
+    let of = |number, revision| under(&plan, number, revision, "by-hand").1;
+    assert_eq!(of("GNC-2", "A"), ["tp4 4.9 .. 5.1 V", "look == clean"]);
+    assert_eq!(of("GNC-1", "A"), ["remark == none", "tp4 3.2 .. 3.4 V", "look == clean"]);
+    assert_eq!(of("GNC-1", "B"), ["remark == none", "tp4 1.7 .. 1.9 V", "look == clean"]);
+    let chosen = plan.choose_limits(&PartName::new("GNC-1", None)).unwrap().part.unwrap();
+    let judging = plan.with_limits_of(&chosen).unwrap();
+    let judged = |number| judging.items()[0].judge("tp4", &Value::number(number, Unit::Volt), 1, "SN").outcome;
+    assert_eq!((judged(3.3), judged(5.0)), (Some(Outcome::Passed), Some(Outcome::Failed)));
+}
+
+/// The same checks as in the limits of the item.
+#[test]
+fn mistakes_in_limits_of_a_part_for_answers() {
+    for (limit, said) in [
+        ("tp5 = \"<= 5 V\"", "did you mean \"tp4\"?"),
+        ("tp5 = \"<= 5 V\"", "the item does not ask \"tp5\""),
+        ("tp4 = \"<= 5\"", "5 has no unit"),
+        ("tp4 = \"<= 5 A\"", "current"),
+        ("look = \"== worn\"", "\"look\" has another limit already"),
+        ("remark = \"== None\"", "\"None\" is no choice"),
+        ("tp4 = { limit = \"4.9 V .. 5.1 V\", marginal = \"20 mV\" }", "has the plan's own limits"),
+    ] {
+        let told = mistakes(&format!("{ASKING}by-hand.{limit}\n"));
+        assert!(told.contains(said), "{limit}: {told}");
+    }
+}
