@@ -21,6 +21,8 @@ import junitparser
 ROOT = Path(__file__).resolve().parents[2]
 PLANS = ROOT / "test-plans"
 BREACH = "[board]\nhello_after_ms = 3000.0\n"
+# Other limits for the part that the simulated module says.
+PARTS = "\n[part.GNC-POP-26.limits]\nidentity.supply_current = \"0.49 A +- 6 %\"\n"
 # No run here takes so long even on a busy machine.
 LONGEST_S = 600
 
@@ -126,6 +128,9 @@ def main():
         take(at.run(0, PLANS / "acceptance.toml", "good"))
         take(at.run(5, functional, "good", "--sim-link", "can", "--only", "sci,io"))
         take(at.run(3, functional, "wrong-serial-number"))
+        parts = place / "parts.toml"
+        parts.write_text((PLANS / "functional.toml").read_text() + PARTS)
+        take(at.run(5, parts, "good", "--only", "identity"))
         take(at.run(5, functional, "good", "--only", "io", "--loops", "2"), records=False)
         assert len(list(junitparser.JUnitXml.fromfile(str(place / "report.xml")))) == 2
         take(at.stopped([signal.SIGINT]))
