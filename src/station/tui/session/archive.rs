@@ -150,7 +150,7 @@ mod tests {
             let run = records.path().join(format!("2026-11-28/SN-1/{time}-functional"));
             std::fs::create_dir_all(&run).expect("a folder");
             let head = format!(
-                "{{\n  \"outcome\": \"{outcome}\",\n  \"interrupted\": false,\n  \"plan\": {{ \"name\": \"functional\", \
+                "{{\n  \"outcome\": \"{outcome}\",\n  \"interrupted\": false,\n  \"serial_number\": \"SN-1\",\n  \"plan\": {{ \"name\": \"functional\", \
                  \"version\": \"1\", \"sha256\": \"{sha256}\" }},\n  \"bench\": {{ \"kind\": \"real\" }},\n  \"selection\": null,\n  \
                  \"elapsed_s\": {elapsed_s},\n  \"items\": [ and no more"
             );
