@@ -106,9 +106,17 @@ fn questions_that_nobody_answers_are_refused_before_the_run() {
     let plan = format!("{}{identity}", ASKING.replace("[item.limits]", more));
     let files = [("p.toml", plan.as_str())];
     let args = ["--auto", "p.toml", "--sim", "--sim-speed", "max", "--serial-number", "A"];
-    check_refused(&args, &files, &["nobody is there to answer what the plan asks: tp4, lid\n", "--answer NAME=VALUE"]);
-    check_refused(&[&args[..], &["--answer", "tp4=5"]].concat(), &files, &["what the plan asks: lid\n"]);
-    check_refused(&[&args[..], &["--only", "prompt"]].concat(), &files, &["what the plan asks: tp4, lid\n"]);
+    check_refused(
+        &args,
+        &files,
+        &["the plan asks questions, and no person is there to answer them: tp4, lid\n", "--answer NAME=VALUE"],
+    );
+    check_refused(&[&args[..], &["--answer", "tp4=5"]].concat(), &files, &["no person is there to answer them: lid\n"]);
+    check_refused(
+        &[&args[..], &["--only", "prompt"]].concat(),
+        &files,
+        &["no person is there to answer them: tp4, lid\n"],
+    );
     let place = Place::new(STATION);
     place.write("p.toml", &plan);
     let chosen = place.run([&args[..], &["--only", "identity"]].concat());

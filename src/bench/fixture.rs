@@ -35,7 +35,7 @@ pub(crate) enum FixtureError {
         what: String,
     },
     /// Nobody can answer a question of the plan.
-    #[error("nobody is there to answer the question {question}")]
+    #[error("the question {question} cannot be answered: no person is at a terminal or at the screen")]
     NobodyAnswers {
         /// Its name and its words.
         question: String,

@@ -79,7 +79,7 @@ pub struct GivenNumber {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NumberError {
     /// Nobody asks for it.
-    #[error("nobody asks for the number {}", quoted(key))]
+    #[error("neither plan nor bench asks for the number {}", quoted(key))]
     Unknown {
         /// The key that was given.
         key: String,
@@ -342,7 +342,7 @@ kind = "subunit"
             (vec![("order", "PO-1")], "Order \"PO-1\" does not fit the pattern PO-[0-9]{4} of the plan"),
             (vec![("order", "")], "the number Order is missing, and the plan requires it"),
             (vec![("gps", "x")], "the number Order is missing, and the plan requires it"),
-            (vec![("ordr", "PO-0001")], "nobody asks for the number \"ordr\""),
+            (vec![("ordr", "PO-0001")], "neither plan nor bench asks for the number \"ordr\""),
             (vec![("order", "PO-0001"), ("order", "PO-0002")], "the number \"order\" is given twice"),
             (vec![("order", "PO-0001"), ("gps", "a\tb")], "\"a\\tb\" as gps has control characters"),
         ] {

@@ -165,7 +165,7 @@ pub(crate) fn asked_part(number: Option<&str>, revision: Option<&str>) -> Result
         let problem = match unfit(text) {
             _ if what == "part number" && text.trim().is_empty() => Some(("is empty", "scan the label again")),
             None if text.chars().any(is_invisible) => {
-                Some(("has a character that nobody sees", "type it again as it stands on the label"))
+                Some(("has an invisible character", "type it again as it stands on the label"))
             }
             problem => problem,
         };

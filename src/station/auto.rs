@@ -79,7 +79,7 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     let open = answers.lack(plan.plan(), args.only.as_deref());
     if !open.is_empty() && !io::stdin().is_terminal() {
         // An hour of a calibration would go before the first of them is asked.
-        let what = format!("nobody is there to answer what the plan asks: {}", open.join(", "));
+        let what = format!("the plan asks questions, and no person is there to answer them: {}", open.join(", "));
         let hint = "answer each with --answer NAME=VALUE, or run the plan on a terminal or on the screen";
         return Err(CommandRefusal::new(what, hint));
     }

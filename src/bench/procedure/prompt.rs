@@ -99,7 +99,7 @@ impl Asker<'_> {
         if let Some(open) = lines.iter().position(|line| line.open) {
             return Ok(Some(open));
         }
-        // Nobody looks "done" over: it has no other answer.
+        // The look-over leaves "done" out: it has no other answer.
         let by_person = lines.iter().filter(|line| line.by_person);
         let typed = by_person.filter(|line| line.question.kind != QuestionKind::Done);
         let said: Vec<_> =

@@ -73,7 +73,7 @@ fn what_does_not_fit_is_refused_before_anything_is_switched_on() {
         (vec![], "the number Order is missing, and the plan requires it"),
         (vec!["order=PO-1"], "Order \"PO-1\" does not fit the pattern PO-[0-9]{4} of the plan"),
         (vec!["order=po-1234"], "does not fit the pattern"),
-        (vec!["ordr=PO-1234"], "nobody asks for the number \"ordr\""),
+        (vec!["ordr=PO-1234"], "neither plan nor bench asks for the number \"ordr\""),
         (vec!["order=PO-1234", "order=PO-1235"], "is given twice"),
         (vec!["PO-1234"], "write KEY=NUMBER"),
     ] {

@@ -350,7 +350,10 @@ fn without_an_answer_nothing_is_made_up() {
     let attempt = &state.rows()[0].attempts[0];
     assert_eq!((attempt.outcome, attempt.measurements.len()), (Some(Outcome::Errored), 0));
     let error = attempt.error.as_ref().expect("a reason");
-    assert_eq!(error.text, "nobody is there to answer the question tp4 (What does the meter at TP4 read?)");
+    assert_eq!(
+        error.text,
+        "the question tp4 (What does the meter at TP4 read?) cannot be answered: no person is at a terminal or at the screen"
+    );
     assert_eq!(error.hint, "answer it with --answer NAME=VALUE, or run the plan on a terminal or on the screen");
 }
 
