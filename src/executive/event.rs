@@ -408,6 +408,9 @@ pub struct OtherModule {
     pub scanned: String,
     /// The number that the module in the socket says; text from outside.
     pub found: String,
+    /// Whether the scanned module was in the socket before, so that it was exchanged during the run.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub exchanged: bool,
 }
 
 /// State of the module's supply.

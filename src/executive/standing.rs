@@ -92,6 +92,10 @@ pub enum Flaw {
     TooOld,
     /// Later than now by the clock of the computer.
     InFuture,
+    /// The module was exchanged for another one during the run.
+    Exchanged,
+    /// The same, and an item had failed.
+    ExchangedAfterFailure,
 }
 
 impl Flaw {
@@ -99,7 +103,7 @@ impl Flaw {
     pub fn words(self) -> Option<&'static str> {
         Some(match self {
             Self::Missing => "record is missing",
-            Self::Unreadable => "record cannot be read",
+            Self::Unreadable => "record unreadable",
             Self::UnderWay => "still running",
             Self::NotClosed => "record not closed",
             Self::Interrupted => "interrupted",
@@ -111,6 +115,10 @@ impl Flaw {
             Self::OtherVersion => "by another version of the plan",
             Self::TooOld => "too long ago",
             Self::InFuture => "later than this computer's clock",
+            Self::Exchanged => "ended with another module in the socket, so nothing is known of this one",
+            Self::ExchangedAfterFailure => {
+                "an item failed, then another module was in the socket, so nothing more is known of this one"
+            }
             Self::OtherPlan | Self::Selection | Self::NoVerdict => return None,
         })
     }
@@ -146,6 +154,10 @@ pub struct RunFacts {
     pub started: DateTime<FixedOffset>,
     /// When it ended, if it has an end.
     pub ended: Option<DateTime<FixedOffset>>,
+    /// Whether the module was exchanged for another one during the run. What was measured is of neither then.
+    pub exchanged: bool,
+    /// Whether an item failed.
+    pub has_failed_item: bool,
 }
 
 impl From<&RunRecord> for RunFacts {
@@ -160,6 +172,8 @@ impl From<&RunRecord> for RunFacts {
             verdict: Some(record.verdict),
             started: record.started,
             ended: record.finished,
+            exchanged: record.other_module.as_ref().is_some_and(|other| other.exchanged),
+            has_failed_item: record.items.iter().any(|item| item.outcome == Outcome::Failed),
         }
     }
 }
@@ -176,6 +190,8 @@ impl RunFacts {
             (self.rejudged, Flaw::Rejudged),
             (self.selection.is_some(), Flaw::Selection),
             (!judged, Flaw::NoVerdict),
+            (self.exchanged && !self.has_failed_item, Flaw::Exchanged),
+            (self.exchanged && self.has_failed_item, Flaw::ExchangedAfterFailure),
         ];
         flaws.into_iter().filter(|(is, _)| *is).map(|(_, flaw)| flaw).collect()
     }
@@ -239,12 +255,13 @@ impl PastRun {
         }
     }
 
-    /// Whether a pass of a plan before this run is refuted by it: the run is of the same plan and failed, or is kept in a
-    /// way that hides what it says.
+    /// Whether a pass of a plan before this run is refuted by it: the run is of the same plan and failed, ended with another
+    /// module in the socket, or is kept in a way that hides what it says.
     pub fn speaks_against(&self, plan: &str) -> bool {
         let hides = |flaw: &Flaw| {
             let unproved = matches!(flaw, Flaw::NotClosed | Flaw::NotInChain | Flaw::ClosedLate);
-            unproved || matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::Unreadable)
+            let exchanged = matches!(flaw, Flaw::Exchanged | Flaw::ExchangedAfterFailure);
+            unproved || exchanged || matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::Unreadable)
         };
         // Of a run that is gone only the folder's name is known: the second one of a plan in a second ends with a number.
         let rest = self.plan.strip_prefix(plan);

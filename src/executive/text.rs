@@ -131,7 +131,7 @@ pub fn banners(record: &RunRecord) -> Vec<String> {
         let personality = record.bench.personality.as_deref().unwrap_or("unknown");
         banners.push(format!("SIMULATED BENCH ({}): no evidence about any module", printable(personality)));
     }
-    if let Some(OtherModule { scanned, found }) = &record.other_module {
+    if let Some(OtherModule { scanned, found, .. }) = &record.other_module {
         let (scanned, found) = (printable(scanned), printable(found));
         banners.push(format!(
             "NOT THE SCANNED MODULE: {scanned} was scanned, {found} is in the socket; this run is filed against neither"

@@ -11,7 +11,7 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset, NaiveDate, NaiveDateTime, TimeDelta};
-use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, PlanInfo};
+use gnc_executive::event::{BenchInfo, BenchKind, EarlierRun, Event, EventKind, OtherModule, PlanInfo};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::{Flaw, PastRun, Question, RunFacts, Seal, Standing};
 use gnc_executive::verdict::Verdict;
@@ -45,10 +45,11 @@ pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreEr
         return Ok(standing);
     }
     let mut seals = Seals::new(records);
-    let Closed { counted, later, missing } = closed(records, question, &mut seals)?;
-    let beside = match &counted {
-        Some((folder, _)) => doubt(records, question, folder, later, &mut seals)?,
-        None => newest(records, question, &mut seals)?,
+    let Closed { counted, later, missing, exchanged } = closed(records, question, &mut seals)?;
+    let beside = match (&counted, exchanged) {
+        (None, Some(folder)) => past(&folder, question, &mut seals)?,
+        (None, None) => newest(records, question, &mut seals)?,
+        (Some((folder, _)), _) => doubt(records, question, folder, later, &mut seals)?,
     };
     standing.beside = beside.or(missing.map(|folder| nameless(&folder, question, Flaw::Missing)));
     standing.counts = counted.map(|(_, run)| run);
@@ -64,6 +65,9 @@ struct Closed {
     later: Vec<PathBuf>,
     /// The newest run after that one whose folder is gone.
     missing: Option<PathBuf>,
+    /// A run of the plan that ended with another module in the socket. No run before it counts: what became of the module in
+    /// it is not known.
+    exchanged: Option<PathBuf>,
 }
 
 /// Looks from the newest closed run back to the first one that counts.
@@ -80,6 +84,11 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
             let runs = seals.day(&day)?.of_module(name);
             closed.extend(runs.map(|(number, run)| (number, in_time, records.join(run))));
         }
+        for folder in reader::unassigned(records, &day) {
+            // One that is not in the chain yet is new.
+            let number = seals.number(&folder)?.unwrap_or(u64::MAX);
+            closed.push((number, false, folder));
+        }
     }
     closed.sort_by_key(|(number, ..)| std::cmp::Reverse(*number));
     let mut found = Closed::default();
@@ -87,6 +96,20 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
         if !folder.exists() {
             if in_time {
                 found.missing.get_or_insert(folder);
+            }
+            continue;
+        }
+        if reader::is_unassigned(&folder) {
+            let of_world = |facts: &RunFacts| question.bench == BenchKind::Simulated || facts.bench == BenchKind::Real;
+            let of_module = |facts: &RunFacts| facts.exchanged && facts.serial_number == question.serial_number;
+            match facts(&folder).filter(of_module).filter(of_world) {
+                Some(facts) if facts.plan.name == question.plan.name() => {
+                    found.exchanged = Some(folder);
+                    break;
+                }
+                Some(_) => found.later.push(folder),
+                // It says nothing of this module, which was never in the socket.
+                None => {}
             }
             continue;
         }
@@ -212,6 +235,16 @@ struct RecordHead {
     selection: Option<Vec<String>>,
     started: DateTime<FixedOffset>,
     finished: Option<DateTime<FixedOffset>>,
+    #[serde(default)]
+    other_module: Option<OtherModule>,
+    #[serde(default)]
+    items: Vec<ItemHead>,
+}
+
+/// The part of an item that the standing needs.
+#[derive(Deserialize)]
+struct ItemHead {
+    outcome: Outcome,
 }
 
 /// What the record of a run says; `None` if it has none, or a damaged one.
@@ -229,6 +262,8 @@ fn facts(folder: &Path) -> Option<RunFacts> {
         selection: head.selection,
         started: head.started,
         ended: head.finished,
+        exchanged: head.other_module.is_some_and(|other| other.exchanged),
+        has_failed_item: head.items.iter().any(|item| item.outcome == Outcome::Failed),
     })
 }
 
@@ -249,6 +284,8 @@ fn begun(folder: &Path) -> Option<RunFacts> {
         verdict: None,
         started: event.at,
         ended: None,
+        exchanged: false,
+        has_failed_item: false,
     })
 }
 

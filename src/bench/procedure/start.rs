@@ -50,8 +50,12 @@ impl ModuleSeen {
     pub(crate) fn compare(&self, identity: &IdentityReply, when: impl Into<String>) -> Result<(), ProcedureError> {
         let mut first = self.first.borrow_mut();
         let found = identity.serial_number.as_str();
-        let other =
-            (found != self.scanned).then(|| OtherModule { scanned: self.scanned.clone(), found: found.to_owned() });
+        let exchanged = first.is_some();
+        let other = (found != self.scanned).then(|| OtherModule {
+            scanned: self.scanned.clone(),
+            found: found.to_owned(),
+            exchanged,
+        });
         let other = match other {
             Some(other) if first.is_none() => return Err(ProcedureError::OtherModule(other)),
             other => other,

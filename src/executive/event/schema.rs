@@ -170,6 +170,11 @@ fn kinds(run: &Value) -> Vec<(&'static str, &'static str, Vec<Field>)> {
             vec![
                 ("scanned", true, text("The serial number that was scanned.")),
                 ("found", true, text("The serial number that the module in the socket says.")),
+                (
+                    "exchanged",
+                    false,
+                    json!({ "description": "Whether the scanned module was in the socket before, so that it was exchanged during the run; absent for false.", "type": "boolean" }),
+                ),
             ],
         ),
         (

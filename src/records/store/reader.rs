@@ -318,6 +318,17 @@ pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<It
     days.flat_map(move |day| runs_of_module(&day, &serial_number).into_iter().rev())
 }
 
+/// The runs of a day whose module was not the scanned one, in no order. What of them concerns the scanned one, their records
+/// tell.
+pub(crate) fn unassigned(records: &Path, day: &str) -> Vec<PathBuf> {
+    folders(&records.join(day).join(UNASSIGNED)).unwrap_or_default()
+}
+
+/// Whether the folder of a run stands among those.
+pub(crate) fn is_unassigned(run: &Path) -> bool {
+    run.parent().and_then(Path::file_name) == Some(UNASSIGNED.as_ref())
+}
+
 /// The folders of a module within a day: as it is named now, and as earlier versions named it, if that differs.
 pub(crate) fn folders_of(serial_number: &str) -> Vec<String> {
     let mut names = vec![name::of_module(serial_number), name::of_module_before(serial_number)];

@@ -158,6 +158,7 @@ fn a_run_with_two_modules_is_of_neither() {
     let patient = plan().replace("id = \"power-cycle\"", "id = \"power-cycle\"\nattempts = 3");
     let state = run_plan(&patient, &options("[module]\nswapped_after = 3\n"), |_, _| {});
     assert_eq!(other(&state), Some(("SN", "SIM-OTHER")));
+    assert!(state.other_module().is_some_and(|other| other.exchanged), "the scanned one was there before");
     assert_eq!(other(&run("")), None);
     // A module with the scanned number and another part is still the scanned one, whatever its memory says.
     assert_eq!(other(&run("[board]\ncaches_identity = true\n")), None);
@@ -178,6 +179,7 @@ fn another_module_that_starts_late_is_found_by_an_item() {
     assert!(error.text.contains("this is not the module that was scanned"), "{error:?}");
     assert!(ends[at + 1..].iter().all(|outcome| *outcome == Outcome::NotRun), "{ends:?}");
     assert_eq!(other(&state), Some(("SN", "GNC-0666")));
+    assert!(state.other_module().is_some_and(|other| !other.exchanged), "nothing was measured of the scanned one");
     assert_eq!(state.verdict().map(Verdict::of_items), Some(Outcome::Errored), "and not failed");
 }
 

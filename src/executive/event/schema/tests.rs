@@ -51,7 +51,7 @@ fn events() -> Vec<Value> {
                 module: PartName::new("A", Some("")),
             }),
             EventKind::LimitsChosen(LimitsChosen { part: None, module: PartName::new("A", None) }),
-            EventKind::OtherModule(OtherModule { scanned: "A".to_owned(), found: "B".to_owned() }),
+            EventKind::OtherModule(OtherModule { scanned: "A".to_owned(), found: "B".to_owned(), exchanged: true }),
             EventKind::BoardRebooted { item: None, boot_id: "7".to_owned() },
             EventKind::BoardBreach(BoardBreach { worst: Some("3 ms".to_owned()), safety: true, ..breach.clone() }),
             EventKind::BoardBreach(breach),

@@ -62,7 +62,7 @@ fn line(found: reader::FoundRun) -> RunLine {
             selection: run.selection.is_some(),
             rejudged: run.recomputed.is_some(),
             serial_number: match run.other_module {
-                Some(OtherModule { scanned, found }) => format!("{found} / {scanned}"),
+                Some(OtherModule { scanned, found, .. }) => format!("{found} / {scanned}"),
                 None => run.serial_number,
             },
             plan: run.plan.name,

@@ -240,7 +240,7 @@ fn another_module_is_told_with_both_numbers() {
         let mut scene = scene(lang);
         scene.start("DEMO-1");
         let (scanned, found) = ("DEMO-1".into(), "GNC-0666".into());
-        scene.event(EventKind::OtherModule(OtherModule { scanned, found }));
+        scene.event(EventKind::OtherModule(OtherModule { scanned, found, exchanged: false }));
         scene.run_ends(Outcome::Errored);
         let text = scene.text();
         let line = text.lines().find(|line| line.contains("GNC-0666")).expect("a line");

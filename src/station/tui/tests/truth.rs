@@ -246,7 +246,8 @@ fn what_comes_by_itself_wipes_out_no_error() {
         },
         |scene| {
             scene.start("DEMO-1");
-            let other = OtherModule { scanned: "DEMO-1".into(), found: "DEMO-2, and the cable is out".into() };
+            let found = "DEMO-2, and the cable is out".into();
+            let other = OtherModule { scanned: "DEMO-1".into(), found, exchanged: false };
             scene.event(EventKind::OtherModule(other));
             scene.run_ends_at_once(Outcome::Errored);
         },

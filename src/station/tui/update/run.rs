@@ -41,7 +41,7 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         model.mention(model.texts.events_lost);
         return None;
     }
-    if let EventKind::OtherModule(OtherModule { scanned, found }) = &event.kind {
+    if let EventKind::OtherModule(OtherModule { scanned, found, .. }) = &event.kind {
         let [scanned, found] = [scanned, found].map(|text| gnc_text::printable(text).into_owned());
         let told = words(model.texts.other_module, &[&found, &scanned]);
         model.say(MessageWeight::Error, told);
