@@ -127,7 +127,8 @@ impl Phrases {
             }
             let second = self.translated(after, left);
             let known = first.is_some() && second.is_some();
-            if first.is_none() && second.is_none() {
+            // A comma is mostly one within a sentence.
+            if first.is_none() && second.is_none() || sign == ", " && !known {
                 continue;
             }
             let (first, second) = (first.as_deref().unwrap_or(before), second.as_deref().unwrap_or(after));
@@ -149,7 +150,7 @@ struct Parts {
 }
 
 /// What joins two sentences, and its Chinese form.
-const JOINTS: [(&str, &str); 4] = [(": ", "："), ("; ", "；"), (". ", "。"), ("\n", "\n")];
+const JOINTS: [(&str, &str); 5] = [(": ", "："), ("; ", "；"), (". ", "。"), (", ", "，"), ("\n", "\n")];
 
 #[cfg(test)]
 mod tests;

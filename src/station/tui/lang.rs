@@ -6,7 +6,6 @@ mod en;
 mod motion;
 mod ru;
 mod ru_catalogue;
-mod standing;
 mod zh;
 mod zh_catalogue;
 
@@ -14,13 +13,10 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
-use gnc_executive::standing::Flaw;
 use gnc_executive::verdict::Verdict;
 
 use super::keymap::KeyAction;
 pub use crate::locale::Lang;
-pub(crate) use ask::answer_error;
-pub(crate) use standing::standing;
 
 impl Lang {
     /// Its texts.
@@ -184,14 +180,6 @@ pub(crate) struct Texts {
     pub no_bench: &'static str,
     pub not_during_run: &'static str,
     pub not_running_item: &'static str,
-    pub never_tested: &'static str,
-    /// Chosen items.
-    pub standing_only: &'static str,
-    pub standing_only_items: &'static str,
-    /// What there is instead, and the plan that was never run.
-    pub standing_other: &'static str,
-    /// What counts, and what came after it.
-    pub standing_then: &'static str,
     pub events_lost: &'static str,
     pub store_error: &'static str,
     pub run_refused: &'static str,
@@ -226,15 +214,6 @@ pub(crate) struct Texts {
     pub answer_takes: &'static str,
     pub answer_key: &'static str,
     pub first_question: &'static str,
-    pub answer_empty: &'static str,
-    pub answer_long: &'static str,
-    pub answer_control: &'static str,
-    pub answer_no_number: &'static str,
-    pub answer_comma: &'static str,
-    pub answer_large: &'static str,
-    pub answer_unit: &'static str,
-    pub answer_pattern: &'static str,
-    pub answer_no_choice: &'static str,
     pub on: &'static str,
     pub off: &'static str,
     // Setup.
@@ -331,8 +310,6 @@ pub(crate) struct Texts {
     pub ask: fn(&Ask) -> String,
     pub key: fn(KeyAction) -> KeyText,
     pub outcome_word: fn(Outcome) -> &'static str,
-    /// Why a run does not count for its module; `None` if the words before say it.
-    pub flaw: fn(Flaw) -> Option<&'static str>,
     /// Good items of a selection: no pass of the module.
     pub partial: &'static str,
     /// At most six capital letters, drawn as large as the screen allows. Only letters of [`super::view::big`].

@@ -2,7 +2,7 @@
 
 use gnc_analysis::motion::GYRO_RANGE_DPS;
 use gnc_bench::fixture::{Ask, QuestionAsked, SwitchReading, TakenOver, about_axis, numbered, turn_rates};
-use gnc_executive::plan::{AnswerError, QuestionKind, QuestionWords};
+use gnc_executive::plan::{QuestionKind, QuestionWords};
 use gnc_rig::Orientation;
 
 use super::{Texts, fill};
@@ -131,25 +131,5 @@ impl AskTexts {
             Ask::StopTable => self.enter_still,
             Ask::Resumed { next, .. } => self.when_done(next),
         }
-    }
-}
-
-/// Why an answer is none.
-pub(crate) fn answer_error(texts: &Texts, error: &AnswerError) -> String {
-    let shown = |text: &str| gnc_text::printable(text).into_owned();
-    match error {
-        AnswerError::Empty | AnswerError::NotDone { .. } => texts.answer_empty.to_owned(),
-        AnswerError::TooLong { characters } => fill(texts.answer_long, &[&characters.to_string()]),
-        AnswerError::Control => texts.answer_control.to_owned(),
-        AnswerError::NotANumber { text } => fill(texts.answer_no_number, &[&shown(text)]),
-        AnswerError::Ambiguous { text } => {
-            let (point, none) = (text.replace(',', "."), text.replace(',', ""));
-            fill(texts.answer_comma, &[&shown(text), &shown(&point), &shown(&none)])
-        }
-        AnswerError::TooLarge { text } => fill(texts.answer_large, &[&shown(text)]),
-        AnswerError::Unit { text, unit } if unit.symbol().is_empty() => fill(texts.answer_no_number, &[&shown(text)]),
-        AnswerError::Unit { text, unit } => fill(texts.answer_unit, &[&shown(text), unit.symbol()]),
-        AnswerError::Pattern { text, pattern } => fill(texts.answer_pattern, &[&shown(text), &shown(pattern)]),
-        AnswerError::NoChoice { text, of } => fill(texts.answer_no_choice, &[&shown(text), &shown(&of.join(", "))]),
     }
 }

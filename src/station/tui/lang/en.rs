@@ -4,7 +4,6 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
-use gnc_executive::standing::Flaw;
 use gnc_executive::verdict::Verdict;
 
 use super::{KeyText, Texts};
@@ -130,11 +129,6 @@ pub(super) static TEXTS: Texts = Texts {
     no_bench: "There is no bench: choose one with F2.",
     not_during_run: "Not possible while a run is on.",
     not_running_item: "This item is not running.",
-    never_tested: "never tested",
-    standing_only: "only {}",
-    standing_only_items: "only {} items",
-    standing_other: "{}; {} never",
-    standing_then: "{}; then {}",
     events_lost: "The terminal was too slow and missed events; they are in the record.",
     store_error: "ERRORED: the record could not be written: {}",
     run_refused: "Not started: {}",
@@ -167,15 +161,6 @@ pub(super) static TEXTS: Texts = Texts {
     answer_takes: "Take it",
     answer_key: "F2 takes the answer.",
     first_question: "There is no question before this one in the item.",
-    answer_empty: "The answer is empty: type or scan it.",
-    answer_long: "The answer has {} characters: that is too long.",
-    answer_control: "The answer has control characters: type it by hand.",
-    answer_no_number: "{} is not a number: write one like 3.3.",
-    answer_comma: "{} could be {} or {}: write it with a point, or without any comma.",
-    answer_large: "The number {} is too large: read it again.",
-    answer_unit: "{} is not in {}: write the number alone, or with this unit.",
-    answer_pattern: "{} does not match {}: look at the text again.",
-    answer_no_choice: "{} is none of {}: write one of them, or its number.",
     on: "ON",
     off: "OFF",
     setup_plan: "Plan",
@@ -265,7 +250,6 @@ pub(super) static TEXTS: Texts = Texts {
     ask,
     key,
     outcome_word,
-    flaw: Flaw::words,
     partial: "partial",
     verdict,
     item_title: |item: ItemId| item.spec().title,

@@ -3,7 +3,6 @@
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
-use gnc_executive::standing::Flaw;
 use gnc_executive::verdict::Verdict;
 
 use super::ask::AskTexts;
@@ -131,11 +130,6 @@ pub(super) static TEXTS: Texts = Texts {
     no_bench: "Нет стенда: выберите его по F2.",
     not_during_run: "Во время прогона это невозможно.",
     not_running_item: "Эта проверка не идёт.",
-    never_tested: "ещё не проверялся",
-    standing_only: "только {}",
-    standing_only_items: "только {} пунктов",
-    standing_other: "{}; {}: не проверялся",
-    standing_then: "{}; затем {}",
     events_lost: "Терминал не успевал и пропустил события; в записи они есть.",
     store_error: "СБОЙ: запись не сохранена: {}",
     run_refused: "Не начато: {}",
@@ -168,15 +162,6 @@ pub(super) static TEXTS: Texts = Texts {
     answer_takes: "Принять",
     answer_key: "F2 принимает ответ.",
     first_question: "Перед этим вопросом в пункте нет другого.",
-    answer_empty: "Ответ пуст: введите или отсканируйте его.",
-    answer_long: "В ответе {} символов: это слишком много.",
-    answer_control: "В ответе управляющие символы: введите его вручную.",
-    answer_no_number: "{} — не число: напишите, например, 3.3.",
-    answer_comma: "{} может быть {} или {}: напишите с точкой или без запятой.",
-    answer_large: "Число {} слишком велико: прочтите его ещё раз.",
-    answer_unit: "{} — не в {}: напишите одно число или с этой единицей.",
-    answer_pattern: "{} не подходит под {}: посмотрите текст ещё раз.",
-    answer_no_choice: "{} — не из {}: напишите один вариант или его номер.",
     on: "ВКЛ",
     off: "ВЫКЛ",
     setup_plan: "План",
@@ -266,7 +251,6 @@ pub(super) static TEXTS: Texts = Texts {
     ask,
     key,
     outcome_word,
-    flaw,
     partial: "частично",
     verdict,
     item_title,
@@ -353,25 +337,6 @@ fn key(action: KeyAction) -> KeyText {
         KeyAction::End => ("Конец", "К последней строке."),
     };
     KeyText { short, long }
-}
-
-fn flaw(flaw: Flaw) -> Option<&'static str> {
-    Some(match flaw {
-        Flaw::Missing => "запись пропала",
-        Flaw::Unreadable => "запись не читается",
-        Flaw::UnderWay => "ещё идёт",
-        Flaw::NotClosed => "запись не закрыта",
-        Flaw::Interrupted => "прерван",
-        Flaw::NotInChain => "нет в цепочке",
-        Flaw::ClosedLate => "закрыта позже",
-        Flaw::Changed => "запись изменена",
-        Flaw::Simulated => "имитация",
-        Flaw::Rejudged => "переоценка по другим пределам",
-        Flaw::OtherVersion => "по другой версии плана",
-        Flaw::TooOld => "слишком давно",
-        Flaw::InFuture => "позже часов этого компьютера",
-        Flaw::OtherPlan | Flaw::Selection | Flaw::NoVerdict => return None,
-    })
 }
 
 fn outcome_word(outcome: Outcome) -> &'static str {

@@ -3,7 +3,6 @@
 use gnc_bench::fixture::Ask;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
-use gnc_executive::standing::Flaw;
 use gnc_executive::verdict::Verdict;
 
 use super::ask::AskTexts;
@@ -131,11 +130,6 @@ pub(super) static TEXTS: Texts = Texts {
     no_bench: "没有台架：请按 F2 选择。",
     not_during_run: "运行期间不可用。",
     not_running_item: "该项目没有在运行。",
-    never_tested: "从未测试过",
-    standing_only: "仅 {}",
-    standing_only_items: "仅 {} 个项目",
-    standing_other: "{}；{} 从未测试",
-    standing_then: "{}；其后 {}",
     events_lost: "终端太慢，漏显了一些事件；记录中是完整的。",
     store_error: "出错：无法写入记录：{}",
     run_refused: "未开始：{}",
@@ -168,15 +162,6 @@ pub(super) static TEXTS: Texts = Texts {
     answer_takes: "采用",
     answer_key: "按 F2 采用回答。",
     first_question: "本项目中此题之前没有问题。",
-    answer_empty: "回答为空：请输入或扫描。",
-    answer_long: "回答有 {} 个字符，太长。",
-    answer_control: "回答含控制字符：请手工输入。",
-    answer_no_number: "{} 不是数字：请写成 3.3 这样。",
-    answer_comma: "{} 可能是 {} 或 {}：请用小数点，或不用逗号。",
-    answer_large: "数字 {} 太大：请重新读数。",
-    answer_unit: "{} 的单位不是 {}：只写数字，或带此单位。",
-    answer_pattern: "{} 不符合 {}：请再看一遍文字。",
-    answer_no_choice: "{} 不在 {} 之中：写出其中一个或其编号。",
     on: "开",
     off: "关",
     setup_plan: "测试方案",
@@ -266,7 +251,6 @@ pub(super) static TEXTS: Texts = Texts {
     ask,
     key,
     outcome_word,
-    flaw,
     partial: "仅部分",
     verdict,
     item_title,
@@ -350,25 +334,6 @@ fn key(action: KeyAction) -> KeyText {
         KeyAction::End => ("末行", "到最后一行。"),
     };
     KeyText { short, long }
-}
-
-fn flaw(flaw: Flaw) -> Option<&'static str> {
-    Some(match flaw {
-        Flaw::Missing => "记录缺失",
-        Flaw::Unreadable => "记录无法读取",
-        Flaw::UnderWay => "仍在运行",
-        Flaw::NotClosed => "记录未封存",
-        Flaw::Interrupted => "已中断",
-        Flaw::NotInChain => "不在记录链中",
-        Flaw::ClosedLate => "事后封存",
-        Flaw::Changed => "记录被改动",
-        Flaw::Simulated => "模拟",
-        Flaw::Rejudged => "按其他限值重新判定",
-        Flaw::OtherVersion => "方案版本不同",
-        Flaw::TooOld => "时间太久",
-        Flaw::InFuture => "晚于本机时钟",
-        Flaw::OtherPlan | Flaw::Selection | Flaw::NoVerdict => return None,
-    })
 }
 
 fn outcome_word(outcome: Outcome) -> &'static str {

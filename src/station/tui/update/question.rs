@@ -1,7 +1,7 @@
 //! A question of the plan: what is typed or scanned is its answer, and a function key files it.
 
 use gnc_bench::fixture::Reply;
-use gnc_executive::plan::QuestionKind;
+use gnc_executive::plan::{AnswerError, QuestionKind};
 
 use super::{Effect, scan, words};
 use crate::tui::decode::Key;
@@ -9,7 +9,6 @@ use crate::tui::field::InputField;
 use crate::tui::framing::{self, ScanProblem};
 use crate::tui::input::Scanned;
 use crate::tui::keymap::KeyAction;
-use crate::tui::lang;
 use crate::tui::model::{MessageWeight, Prompt, ScreenModel};
 
 fn prompt(model: &mut ScreenModel) -> Option<&mut Prompt> {
@@ -93,13 +92,14 @@ pub(super) fn answer(model: &mut ScreenModel, action: KeyAction) -> Option<Effec
             let problem = match prompt.question().map(|asked| asked.question.read(&typed)) {
                 _ if prompt.typed.has_control() => {
                     prompt.typed.clear();
-                    Some(texts.answer_control.to_owned())
+                    Some(AnswerError::Control)
                 }
-                Some(Err(error)) => Some(lang::answer_error(texts, &error)),
+                Some(Err(error)) => Some(error),
                 _ => None,
             };
             if let Some(problem) = problem {
-                model.say(MessageWeight::Error, problem);
+                let told = model.said(&format!("{problem}; {}", problem.try_this())).into_owned();
+                model.say(MessageWeight::Error, told);
                 return None;
             }
             Reply::Text(typed)

@@ -2,7 +2,6 @@
 
 use super::{Effect, StartRequest, scan};
 use crate::tui::keymap::KeyAction;
-use crate::tui::lang;
 use crate::tui::live::History;
 use crate::tui::model::{Loaded, MessageWeight, Over, RoundsSetting, RunView, ScreenModel};
 use crate::tui::pending::{Interrupted, PendingStart, Prepared, Resumable};
@@ -46,8 +45,9 @@ pub(super) fn prepared(model: &mut ScreenModel, prepared: Prepared) -> Option<Ef
         (Some(Resumable::No { why }), _) => pending.questions.push_back(Over::NoResume { why }),
         // A repeat of failed items, or a run of one item, is not a second test of the module.
         (None, Some(standing)) if pending.selection.is_none() && standing.was_run() => {
-            let said = lang::standing(model.texts, &standing);
+            let said = standing.to_string();
             pending.questions.push_back(Over::Again(standing));
+            let said = model.said(&said).into_owned();
             model.say(MessageWeight::Warning, said);
         }
         (None, _) => {}

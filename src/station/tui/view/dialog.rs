@@ -11,7 +11,7 @@ use ratatui::widgets::{Block, BorderType, Clear};
 use super::{detail, picture, style, text};
 use crate::files::ChangedFile;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
-use crate::tui::lang::{self, fill};
+use crate::tui::lang::fill;
 use crate::tui::model::{Glyphs, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
 
@@ -83,7 +83,7 @@ fn question(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str,
 /// The plan was run on the module before.
 pub(super) fn again(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, standing: &Standing) {
     let number = model.scan.current.as_deref().map(text::shown).unwrap_or_default();
-    let said = format!("{number}: {}", lang::standing(model.texts, standing));
+    let said = format!("{number}: {}", model.said(&standing.to_string()));
     question(model, frame, area, model.texts.again_title, &[said, model.texts.again_question.to_owned()]);
 }
 

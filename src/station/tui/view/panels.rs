@@ -15,7 +15,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph};
 
 use super::{big, frame, style, text};
-use crate::tui::lang::{self, fill};
+use crate::tui::lang::fill;
 use crate::tui::model::{Loaded, MessageWeight, Pause, RoundsSetting, RunView, ScreenModel};
 
 /// A panel with its title.
@@ -236,7 +236,7 @@ fn idle_lines(model: &ScreenModel, cells: usize, room: usize) -> Vec<Line<'stati
     match &model.scan.standing {
         Some(standing) => {
             let weight = if standing.is_tested() { MessageWeight::Warning } else { MessageWeight::Info };
-            let said = text::wrap(&lang::standing(texts, standing), cells).into_iter();
+            let said = text::wrap(&model.said(&standing.to_string()), cells).into_iter();
             lines.extend(said.map(|line| Line::styled(line, style::weight(model.look, weight))));
         }
         None => lines.push(Line::raw("")),
