@@ -123,7 +123,7 @@ pub enum Reply {
 pub enum Fixture {
     /// No person and no device.
     Absent,
-    /// A person who presses Enter.
+    /// A person at the terminal.
     Operator(Operator),
     /// A person at the operator's screen.
     Screen(mpsc::Sender<OperatorQuestion>),
@@ -223,7 +223,7 @@ pub(crate) async fn at_the_screen(
     answered.await.map_err(|_| closed())
 }
 
-/// A person at the terminal who answers with Enter, or with `n` for no; questions of a plan with a line.
+/// A person at the terminal who answers with a line: `y` for done, `n` for no, or what a question of the plan asks for.
 #[derive(Debug)]
 pub struct Operator {
     lines: Mutex<mpsc::Receiver<String>>,
@@ -255,24 +255,20 @@ impl Operator {
         while lines.try_recv().is_ok() {}
     }
 
-    /// Waits for a line that answers a question of the plan.
+    /// Waits for a line that answers.
     pub(crate) async fn reply(&self, ask: &Ask) -> Result<Reply, FixtureError> {
         let mut lines = self.lines.lock().await;
         let line = lines.recv().await.ok_or_else(|| FixtureError::TerminalClosed { what: ask.action() })?;
         Ok(ask.reply(line))
     }
 
-    /// Waits for an empty line or a no. Any other line, such as a scan, asks again.
+    /// Waits for a yes or a no. Any other line, such as a scan or a line end behind it, asks again.
     async fn wait(&self, ask: &Ask, recorder: &Recorder<'_>) -> Result<String, FixtureError> {
-        let mut lines = self.lines.lock().await;
         loop {
-            let Some(line) = lines.recv().await else {
-                return Err(FixtureError::TerminalClosed { what: ask.action() });
-            };
-            match line.trim() {
-                "" => return Ok(String::new()),
-                "n" | "N" => return Err(FixtureError::Refused { what: ask.action() }),
-                _ => recorder.prompted(&ask.to_string()).await?,
+            match self.reply(ask).await? {
+                Reply::Done => return Ok(String::new()),
+                Reply::NotPossible => return Err(FixtureError::Refused { what: ask.action() }),
+                Reply::Text(_) | Reply::Back => recorder.prompted(&ask.to_string()).await?,
             }
         }
     }

@@ -277,7 +277,7 @@ impl ProcedureError {
                 "turn the table with the ramps that were asked for, at no time faster than 400 deg/s; run the item again"
             }
             Self::SwitchesNotMoved { .. } => {
-                "set the switches as the station asks, and press Enter after that; run the item again"
+                "set the switches as the station asks, and confirm it after that; run the item again"
             }
             Self::NotTurned { .. } => "check angle and sense of the table, and which axis lies along it",
             Self::Figure(error) => error.try_this(),

@@ -1,6 +1,6 @@
 //! One DIP switch on at a time: its channel must follow, and no other channel may move.
 //!
-//! A person may press Enter without moving a switch. That says nothing of the module, so the person is asked again. A
+//! A person may confirm without moving a switch. That says nothing of the module, so the person is asked again. A
 //! channel whose switch was moved and that does not follow is a fault of the module. What tells the two apart is the
 //! rest of the channels: a switch that was moved changes at least one of them.
 
