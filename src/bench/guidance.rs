@@ -47,6 +47,8 @@ pub struct Guidance {
     pub joined_s: f64,
     /// Which captures that are: those since the last power-on, or all.
     joined: Joined,
+    /// Bench time of the captures that a resumed run would make again of the item's earlier rounds in this attempt.
+    rounds_s: f64,
     /// Bench time of the finished steps.
     pub done_s: f64,
     /// Bench time of all steps.
@@ -133,12 +135,18 @@ impl Guidance {
             stage: Stage::Laying,
             captured_s: 0.0,
             joined_s: 0.0,
+            rounds_s: 0.0,
             joined: if program.steps.iter().any(compensates) { Joined::All } else { Joined::None },
             done_s: 0.0,
             whole_s: program.span_s(),
             heat: None,
             picture: None,
         }
+    }
+
+    /// The state at the start of the next round of an item that repeats its program. `last` is how the round before ended.
+    fn round_after(program: &MotionProgram, last: Option<&Self>) -> Self {
+        Self { rounds_s: last.map_or(0.0, Self::lost_s), ..Self::new(program) }
     }
 
     /// Begins a step.
@@ -196,7 +204,7 @@ impl Guidance {
     /// Bench time of captures that would be lost if the run were stopped now: a resumed run cannot take them over.
     #[must_use]
     pub fn lost_s(&self) -> f64 {
-        self.joined_s + self.captured_s
+        self.rounds_s + self.joined_s + self.captured_s
     }
 
     /// Bench time that the program still needs.
@@ -287,17 +295,10 @@ pub(crate) struct Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// The state at the start of a program.
+    /// The state at the start of a program, which may be that of a later round of the attempt.
     pub(crate) fn new(program: &MotionProgram, lease: &'a BoardLease<'a>, guide: &'a Guide) -> Self {
-        Self {
-            lease,
-            guide,
-            now: Guidance::new(program),
-            collected: None,
-            heat: HeatSoFar::default(),
-            handed_on: None,
-            drawn: None,
-        }
+        let now = Guidance::round_after(program, guide.out.borrow().as_deref());
+        Self { lease, guide, now, collected: None, heat: HeatSoFar::default(), handed_on: None, drawn: None }
     }
 
     /// Begins a step.
@@ -458,5 +459,34 @@ mod tests {
         assert_eq!(lost(&[cycle.clone(), a, b, cycle, c, d]), [20.0, 80.0, 20.0, 80.0, 0.0]);
         let compensated = ["a", "b"].map(|label| capture(label, Uses::Compensated));
         assert_eq!(lost(&compensated), [20.0, 80.0, 120.0]);
+    }
+
+    /// Worked out by hand: rounds of two captures of 60 s. A resumed run takes those over that stand for themselves, and makes
+    /// those anew that the module compensates.
+    #[test]
+    fn a_stop_loses_the_rounds_that_are_done() {
+        let capture = |label: &str, uses| {
+            let up = [0.0, 0.0, 1.0];
+            MotionStep::Capture { about: about(label, Pose::Still { up, heading_deg: 0.0 }), span_s: 60.0, uses }
+        };
+        for (uses, expected) in [(Uses::Inertial, [0.0, 0.0, 20.0]), (Uses::Compensated, [120.0, 240.0, 260.0])] {
+            let program = MotionProgram { steps: ["a", "b"].map(|label| capture(label, uses)).to_vec() };
+            let (guide, _seen) = Guide::new(false);
+            let mut lost = Vec::new();
+            for _ in 0..2 {
+                let mut now = Guidance::round_after(&program, guide.out.borrow().as_deref());
+                for step in &program.steps {
+                    now.begin(step);
+                    now.end(step);
+                }
+                lost.push(now.lost_s());
+                guide.out.send_replace(Some(Arc::new(now)));
+            }
+            let mut third = Guidance::round_after(&program, guide.out.borrow().as_deref());
+            third.begin(&program.steps[0]);
+            third.captured_s = 20.0;
+            lost.push(third.lost_s());
+            assert_eq!(lost, expected, "{uses:?}");
+        }
     }
 }

@@ -203,7 +203,7 @@ pub(crate) struct ProgramView {
     pub lays: usize,
     /// Bench time of all captures and pauses.
     pub span_s: f64,
-    /// Bench time of the captures that a resumed run makes anew although they are finished.
+    /// Bench time of the captures that a resumed run makes anew although they are finished, in all rounds of the item.
     pub anew_s: f64,
     /// The limit of the temperature's drift, as the plan has it.
     pub drift_limit: Option<Limit>,
@@ -215,7 +215,8 @@ impl ProgramView {
         let program = motion::program(item.id, &item.params).ok()??;
         let drift_limit = item.limit(TEMPERATURE_DRIFT.name).cloned();
         let captures = program.steps.iter().filter_map(MotionStep::about).count();
-        let (item, lays, span_s, anew_s) = (item.name.clone(), program.lays(), program.span_s(), anew_s(&program));
+        let anew_s = anew_s(&program) * f64::from(item.repeats);
+        let (item, lays, span_s) = (item.name.clone(), program.lays(), program.span_s());
         Some(Self { item, captures, lays, span_s, anew_s, drift_limit })
     }
 }

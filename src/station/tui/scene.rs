@@ -1,6 +1,6 @@
 //! A screen in memory that plays a run, for snapshots and benchmarks. Its clock stands still unless the scene moves it.
 
-mod captures;
+pub(crate) mod captures;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -126,7 +126,7 @@ impl Scene {
     }
 }
 
-fn plan() -> std::io::Result<Plan> {
+pub(crate) fn plan() -> std::io::Result<Plan> {
     let text = include_str!("calibration.toml");
     let none = &mut |_: &str| Err("it includes nothing".to_owned());
     Plan::read("calibration.toml", text.into(), none).map_err(std::io::Error::other)

@@ -8,7 +8,7 @@ use super::scene;
 use crate::files::ChangedFile;
 use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
-use crate::tui::model::{Loaded, RoundsSetting};
+use crate::tui::model::{Loaded, ProgramView, RoundsSetting};
 use crate::tui::pending::{Interrupted, Prepared, Resumable};
 use crate::tui::records::{Checked, RunMark, Runs, Unopened};
 use crate::tui::scene::Scene;
@@ -251,6 +251,13 @@ fn a_stop_that_loses_captures_is_asked_about() {
     let check = check.unwrap_or_else(|| panic!("no program is made anew: {anew:?}")).clone();
     scene.passes(&[&check.item]);
     assert_eq!(scene.model.lost_s(), 100.0 + check.anew_s, "{anew:?}");
+    // Each of its rounds.
+    let plan = crate::tui::scene::captures::plan().expect("a plan");
+    let item = plan.items().iter().find(|item| item.name == check.item).expect("the item");
+    let mut repeating = item.clone();
+    repeating.repeats = 3;
+    let rounds = ProgramView::of(&repeating).expect("a program");
+    assert_eq!((item.repeats, rounds.anew_s), (1, 3.0 * check.anew_s));
     // Whoever leaves was asked already.
     let mut scene = in_the_hour(3000.0);
     scene.key(Key::F(10));
