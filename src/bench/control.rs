@@ -36,7 +36,8 @@ impl Default for RunControl {
 }
 
 impl RunControl {
-    /// Takes over ctrl-C, SIGTERM and SIGHUP for the rest of the program: each asks for a stop.
+    /// Takes over ctrl-C, SIGTERM and SIGHUP for the rest of the program: each asks for a stop. SIGHUP never asks for one at
+    /// once.
     ///
     /// # Errors
     /// The system does not allow it.
@@ -48,12 +49,11 @@ impl RunControl {
         let asks = control.clone();
         tokio::spawn(async move {
             loop {
-                let by = tokio::select! {
-                    _ = interrupt.recv() => "ctrl-C",
-                    _ = terminate.recv() => "SIGTERM",
-                    _ = hangup.recv() => "SIGHUP",
-                };
-                asks.stop(by);
+                tokio::select! {
+                    _ = interrupt.recv() => asks.stop("ctrl-C"),
+                    _ = terminate.recv() => asks.stop("SIGTERM"),
+                    _ = hangup.recv() => asks.stop_in_order("SIGHUP"),
+                }
             }
         });
         Ok(control)
@@ -62,6 +62,16 @@ impl RunControl {
     /// Asks for a stop: the first time in order, then at once.
     pub fn stop(&self, by: &'static str) {
         self.wanted.change(|wanted| wanted.stop = Asked { times: wanted.stop.times + 1, by });
+    }
+
+    /// Asks for a stop in order, unless a stop was asked for. A terminal that hangs up tells it more than once: by signals,
+    /// and by the end of its input. That is no hurry.
+    pub fn stop_in_order(&self, by: &'static str) {
+        self.wanted.change(|wanted| {
+            if wanted.stop.times == 0 {
+                wanted.stop = Asked { times: 1, by };
+            }
+        });
     }
 
     /// How often a stop was asked for, and by whom.
@@ -123,6 +133,19 @@ mod tests {
         control.stop("SIGTERM");
         assert!(!control.is_paused());
         assert_eq!(control.asked(), Asked { times: 1, by: "SIGTERM" });
+    }
+
+    /// A hang-up comes by signals and by the end of the input, in any order.
+    #[test]
+    fn a_terminal_that_hangs_up_is_one_stop() {
+        let control = RunControl::default();
+        control.stop_in_order("SIGHUP");
+        control.stop_in_order("the end of the terminal");
+        control.stop_in_order("SIGHUP");
+        assert_eq!(control.asked(), Asked { times: 1, by: "SIGHUP" });
+        control.stop("SIGTERM");
+        control.stop_in_order("SIGHUP");
+        assert_eq!(control.asked(), Asked { times: 2, by: "SIGTERM" });
     }
 
     #[tokio::test]

@@ -176,6 +176,10 @@ fn a_lost_terminal_ends_the_run_with_its_record() {
     let (status, _) = terminal.end();
     assert_eq!(status.code(), Some(4));
     assert_eq!(outcomes(&place), ["aborted"]);
+    // A terminal that is closed says so twice: by its signal and by the end of its input. The run ends in order.
+    assert_eq!(place.record()["stop"]["how"], "in_order");
+    let journal = std::fs::read_to_string(place.runs()[0].join("events.jsonl")).expect("a journal");
+    assert!(journal.contains(r#""kind":"power","on":false"#), "the module is left on");
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
 

@@ -27,6 +27,8 @@ pub(crate) enum KeyAction {
     Stop,
     /// Stops although captures are lost.
     StopAnyway,
+    /// Ends the item although captures are lost.
+    GiveUpAnyway,
     /// Shows the next page.
     NextPage,
     /// Leaves the program.
@@ -118,6 +120,8 @@ pub(crate) enum KeyContext {
     Interrupted,
     /// The question whether to stop a run that would lose captures.
     Stopping,
+    /// The question whether to end an item that would lose captures.
+    GivingUp,
     /// The list of keys.
     Help,
 }
@@ -125,7 +129,7 @@ pub(crate) enum KeyContext {
 impl KeyContext {
     /// All places.
     #[cfg(test)]
-    pub(crate) const ALL: [KeyContext; 17] = [
+    pub(crate) const ALL: [KeyContext; 18] = [
         KeyContext::Idle,
         KeyContext::Running,
         KeyContext::Detail,
@@ -142,6 +146,7 @@ impl KeyContext {
         KeyContext::Changed,
         KeyContext::Interrupted,
         KeyContext::Stopping,
+        KeyContext::GivingUp,
         KeyContext::Help,
     ];
 }
@@ -179,8 +184,14 @@ const LISTS: &[KeyContext] = &[
     KeyContext::Setup,
     KeyContext::Help,
 ];
-const RUN: &[KeyContext] =
-    &[KeyContext::Running, KeyContext::LiveRunning, KeyContext::Watching, KeyContext::Prompt, KeyContext::Question];
+const RUN: &[KeyContext] = &[
+    KeyContext::Running,
+    KeyContext::LiveRunning,
+    KeyContext::Watching,
+    KeyContext::Prompt,
+    KeyContext::Question,
+    KeyContext::GivingUp,
+];
 
 const BACK: &[KeyContext] = &[
     KeyContext::Idle,
@@ -214,6 +225,7 @@ pub(crate) const BINDINGS: &[Binding] = &[
     // The same keys: whoever is in a hurry presses twice. Not Enter, which a scanner sends.
     shown(Key::F(8), KeyAction::StopAnyway, &[KeyContext::Stopping]),
     silent(Key::Ctrl('c'), KeyAction::StopAnyway, &[KeyContext::Stopping]),
+    shown(Key::F(7), KeyAction::GiveUpAnyway, &[KeyContext::GivingUp]),
     shown(Key::F(3), KeyAction::Verify, &[KeyContext::Records, KeyContext::Record]),
     shown(Key::F(4), KeyAction::Filter, &[KeyContext::Records]),
     shown(Key::F(5), KeyAction::Reload, &[KeyContext::Records]),
@@ -230,7 +242,13 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(
         Key::Esc,
         KeyAction::No,
-        &[KeyContext::Confirm, KeyContext::Changed, KeyContext::Interrupted, KeyContext::Stopping],
+        &[
+            KeyContext::Confirm,
+            KeyContext::Changed,
+            KeyContext::Interrupted,
+            KeyContext::Stopping,
+            KeyContext::GivingUp,
+        ],
     ),
     shown(Key::Enter, KeyAction::Open, &[KeyContext::Records, KeyContext::Record]),
     silent(Key::Enter, KeyAction::Open, &[KeyContext::Idle, KeyContext::Running]),

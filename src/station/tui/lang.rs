@@ -199,6 +199,8 @@ pub(crate) struct Texts {
     pub only_unknown: &'static str,
     pub stop_title: &'static str,
     pub stop_question: &'static str,
+    pub give_up_question: &'static str,
+    pub leave_loses: &'static str,
     pub broke_off: &'static str,
     pub broke_off_scan: &'static str,
     pub leave_title: &'static str,

@@ -86,6 +86,8 @@ pub(crate) enum Over {
     Leave,
     /// A stop would lose captures of this bench time; stop?
     Stop { lost_s: f64 },
+    /// The end of an item would lose captures of this bench time; end it?
+    GiveUp { item: String, lost_s: f64 },
 }
 
 /// The bench as far as the screen shows it.
@@ -377,6 +379,8 @@ pub(crate) struct Scan {
     pub standing: Option<Standing>,
 }
 
+/// Bench time of lost captures from which a stop is asked about: less is made again while the operator fetches a coffee.
+pub(crate) const ASK_FROM_S: f64 = 600.0;
 /// How long news stays on the screen: long enough to be read twice.
 const INFO_STAYS: Duration = Duration::from_secs(30);
 /// How long a warning stays: an operator may be at the socket.
@@ -544,6 +548,7 @@ impl ScreenModel {
             Some(Over::Changed(_)) => return KeyContext::Changed,
             Some(Over::Interrupted(_)) => return KeyContext::Interrupted,
             Some(Over::Stop { .. }) => return KeyContext::Stopping,
+            Some(Over::GiveUp { .. }) => return KeyContext::GivingUp,
             Some(Over::Help { .. }) => return KeyContext::Help,
             Some(Over::Setup(_)) => return KeyContext::Setup,
             _ => {}
@@ -588,6 +593,12 @@ impl ScreenModel {
         let programs = self.plan.ready().map_or(&[][..], |plan| &plan.programs);
         let anew = programs.iter().filter(finished).map(|program| program.anew_s);
         guided.map(Guidance::lost_s).chain(anew).sum()
+    }
+
+    /// Bench time of the captures that the end of an item would lose.
+    pub(crate) fn lost_with_s(&self, item: &str) -> f64 {
+        let progress = self.run.iter().flat_map(|run| &run.progress).find(|each| each.item == item);
+        progress.and_then(|each| each.guidance.as_deref()).map_or(0.0, Guidance::lost_s)
     }
 
     /// The run that the page shows, if it shows one.

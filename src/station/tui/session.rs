@@ -38,6 +38,9 @@ const LOOKS: usize = 8;
 /// How often the shift is counted while nothing is tested.
 const COUNT_EVERY: Duration = Duration::from_secs(60);
 
+/// The signal of a terminal that hangs up.
+const HANGUP: &str = "SIGHUP";
+
 /// Signals that end the program.
 #[derive(Debug)]
 pub(crate) struct Signals {
@@ -61,7 +64,7 @@ impl Signals {
         tokio::select! {
             _ = self.interrupt.recv() => "SIGINT",
             _ = self.terminate.recv() => "SIGTERM",
-            _ = self.hangup.recv() => "SIGHUP",
+            _ = self.hangup.recv() => HANGUP,
         }
     }
 }
@@ -139,6 +142,7 @@ impl ScreenSession {
         let mut waiting: VecDeque<OperatorQuestion> = VecDeque::new();
         let mut running: Option<Running> = None;
         let mut ending = false;
+        let mut terminal_is_there = true;
         self.choose(None);
         // A shift may end while nothing is tested.
         let mut minute = tokio::time::interval(COUNT_EVERY);
@@ -151,7 +155,10 @@ impl ScreenSession {
                 by = self.signals.next() => {
                     ending = true;
                     let _ = self.screen.try_send(Msg::EndAsked);
-                    stop(running.as_ref(), by);
+                    match by {
+                        HANGUP => stop_in_order(running.as_ref(), by),
+                        _ => stop(running.as_ref(), by),
+                    }
                 }
                 finished = run_of(&mut running) => {
                     running = None;
@@ -180,10 +187,14 @@ impl ScreenSession {
                     self.tell(Msg::AskedNoMore);
                     self.show_question(&waiting);
                 }
-                command = self.commands.recv() => match command {
-                    None | Some(Effect::Leave) => {
+                command = self.commands.recv(), if terminal_is_there => match command {
+                    None => {
+                        (ending, terminal_is_there) = (true, false);
+                        stop_in_order(running.as_ref(), "the end of the terminal");
+                    }
+                    Some(Effect::Leave) => {
                         ending = true;
-                        stop(running.as_ref(), "the end of the terminal");
+                        stop_in_order(running.as_ref(), "the operator");
                     }
                     Some(Effect::Answer(reply)) => {
                         if let Some(question) = waiting.pop_front() {
@@ -351,6 +362,12 @@ impl ScreenSession {
 fn stop(running: Option<&Running>, by: &'static str) {
     if let Some(running) = running {
         running.control.stop(by);
+    }
+}
+
+fn stop_in_order(running: Option<&Running>, by: &'static str) {
+    if let Some(running) = running {
+        running.control.stop_in_order(by);
     }
 }
 

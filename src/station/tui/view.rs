@@ -97,6 +97,7 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         Some(Over::NoResume { why }) => dialog::no_resume(model, frame, body, why),
         Some(Over::Leave) => dialog::leave(model, frame, body),
         Some(Over::Stop { lost_s }) => dialog::stop(model, frame, body, *lost_s),
+        Some(Over::GiveUp { item, lost_s }) => dialog::give_up(model, frame, body, item, *lost_s),
         Some(Over::Help { .. } | Over::Setup(_)) => {}
         _ => dialog::prompt(model, frame, body),
     }

@@ -281,6 +281,7 @@ fn questions_are_whole_with_their_keys() {
             KeyContext::Changed,
             KeyContext::Interrupted,
             KeyContext::Stopping,
+            KeyContext::GivingUp,
             KeyContext::Prompt,
         ];
         if !asks.contains(&place) {

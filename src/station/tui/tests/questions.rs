@@ -58,7 +58,8 @@ fn asks(place: KeyContext) -> bool {
         | KeyContext::Confirm
         | KeyContext::Changed
         | KeyContext::Interrupted
-        | KeyContext::Stopping => true,
+        | KeyContext::Stopping
+        | KeyContext::GivingUp => true,
         KeyContext::Idle
         | KeyContext::Running
         | KeyContext::Detail

@@ -148,6 +148,17 @@ pub(super) const SCENES: &[(&str, Play)] = &[
         scene.key(Key::F(8));
         scene
     }),
+    ("give-up", |lang, size| {
+        let mut scene = start::in_the_hour(lang, size, 3000.0);
+        start::to_bias_stability(&mut scene);
+        scene.key(Key::F(7));
+        scene
+    }),
+    ("leave-loses", |lang, size| {
+        let mut scene = start::in_the_hour(lang, size, 3000.0);
+        scene.key(Key::F(10));
+        scene
+    }),
     ("heat", |lang, size| {
         let mut scene = Scene::capturing(lang, size, "six-position", 2).expect("memory");
         let mut guidance = scene.guidance("six-position", 2, 0.0);

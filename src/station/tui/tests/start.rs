@@ -258,8 +258,74 @@ fn a_stop_that_loses_captures_is_asked_about() {
     repeating.repeats = 3;
     let rounds = ProgramView::of(&repeating).expect("a program");
     assert_eq!((item.repeats, rounds.anew_s), (1, 3.0 * check.anew_s));
-    // Whoever leaves was asked already.
+    // Whoever leaves is told in the question that is asked anyway.
     let mut scene = in_the_hour(3000.0);
     scene.key(Key::F(10));
+    assert!(scene.text().contains("Captures of 50 min"), "{}", scene.text());
     assert_eq!(scene.key(Key::F(2)), Some(Effect::Stop));
+}
+
+/// The end of an item asks as a stop does. The answer is the same key, and never that of another question.
+#[test]
+fn the_end_of_an_item_that_loses_captures_is_asked_about() {
+    let ask = |captured_s: f64| {
+        let mut scene = in_the_hour(Lang::En, (80, 24), captured_s);
+        to_bias_stability(&mut scene);
+        let effect = scene.key(Key::F(7));
+        (scene, effect)
+    };
+    let give_up = Some(Effect::AbortItem("bias-stability".into()));
+    assert_eq!(ask(600.0).1, give_up);
+    let (mut scene, effect) = ask(601.0);
+    assert_eq!(effect, None);
+    for key in [Key::Enter, Key::F(2), Key::F(5), Key::F(6)] {
+        assert_eq!((scene.key(key), scene.model.over.len()), (None, 1), "{key:?}");
+    }
+    assert_eq!((scene.key(Key::Esc), scene.model.over.len()), (None, 0), "it goes on");
+    scene.key(Key::F(7));
+    assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (give_up, 0));
+    // It ended by itself meanwhile.
+    let (mut scene, _) = ask(601.0);
+    scene.ends("bias-stability", Outcome::Passed);
+    assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (None, 0));
+    // A stop is a stop in this question, too.
+    let (mut scene, _) = ask(601.0);
+    scene.key(Key::F(8));
+    assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop));
+}
+
+/// Moves the cursor to the item that captures.
+pub(super) fn to_bias_stability(scene: &mut Scene) {
+    while scene.model.item_under_cursor() != Some("bias-stability") {
+        scene.key(Key::Down);
+    }
+}
+
+/// The second stop is at once and leaves the module on until the board switches it off. To leave is no second stop.
+#[test]
+fn to_leave_after_a_stop_is_no_second_stop() {
+    let mut scene = in_the_hour(Lang::En, (80, 24), 10.0);
+    assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop));
+    assert_eq!(scene.key(Key::F(10)), None);
+    assert_eq!(scene.key(Key::F(2)), None, "a stop goes on already");
+    assert!(scene.model.leaving);
+    scene.run_ends(Outcome::Aborted);
+    assert_eq!(scene.tell(Msg::RunOver { verdict: None, store_error: None, refusal: None }), Some(Effect::Leave));
+}
+
+/// A start is being checked when the operator turns to the raw values: either is on, and not both.
+#[test]
+fn no_run_begins_while_values_are_watched() {
+    let mut scene = scene(Lang::En);
+    scene.types("DEMO-1");
+    assert!(matches!(scene.key(Key::F(5)), Some(Effect::Prepare { .. })));
+    scene.key(Key::F(9));
+    assert_eq!(scene.key(Key::F(5)), Some(Effect::Watch));
+    let (serial_number, standing) = ("DEMO-1".into(), Some(super::never()));
+    let prepared = Prepared { serial_number, changed: changed(), standing, resume: None };
+    assert_eq!(scene.tell(Msg::Prepared(Box::new(prepared))), None);
+    assert!(scene.model.over.is_empty() && scene.model.run.is_none(), "{}", scene.text());
+    assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop), "of the watch");
+    assert_eq!(scene.tell(Msg::WatchOver { why: None }), None);
+    assert!(!scene.model.is_running());
 }

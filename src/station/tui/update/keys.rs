@@ -7,13 +7,13 @@ use super::{Effect, numbers, question, scan, set_language, unknown_item, words};
 use crate::tui::decode::Key;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::live::History;
-use crate::tui::model::{Loaded, MessageWeight, Over, Pause, RoundsSetting, RunView, ScreenModel, ScreenPage, order};
+use crate::tui::model::{
+    ASK_FROM_S, Loaded, MessageWeight, Over, Pause, RoundsSetting, RunView, ScreenModel, ScreenPage, order,
+};
 use crate::tui::pending::PendingStart;
 use crate::tui::records::Check;
 use crate::tui::setup_form::{Form, FormLine, FormNumber, MAX_ROUNDS};
 
-/// Bench time of lost captures from which a stop is asked about: less is made again while the operator fetches a coffee.
-const ASK_FROM_S: f64 = 600.0;
 /// Lines that a page key moves.
 const PAGE_LINES: isize = 10;
 
@@ -50,11 +50,11 @@ fn is_text(key: Key) -> bool {
 /// Whether a question waits for its keys.
 pub(super) fn is_asking(place: KeyContext) -> bool {
     use KeyContext::{
-        Calibration, Changed, Confirm, Detail, Help, Idle, Interrupted, Live, LiveRunning, Prompt, Question, Record,
-        Records, Running, Setup, Stopping, Watching,
+        Calibration, Changed, Confirm, Detail, GivingUp, Help, Idle, Interrupted, Live, LiveRunning, Prompt, Question,
+        Record, Records, Running, Setup, Stopping, Watching,
     };
     match place {
-        Prompt | Question | Confirm | Changed | Interrupted | Stopping => true,
+        Prompt | Question | Confirm | Changed | Interrupted | Stopping | GivingUp => true,
         Idle | Running | Detail | Live | LiveRunning | Watching | Calibration | Records | Record | Setup | Help => {
             false
         }
@@ -116,6 +116,12 @@ fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<
         KeyAction::StopAnyway => {
             model.over.retain(|over| !matches!(over, Over::Stop { .. }));
             return stop(model);
+        }
+        KeyAction::GiveUpAnyway => {
+            let asked = model.over.pop_if(|over| matches!(over, Over::GiveUp { .. }));
+            if let Some(Over::GiveUp { item, .. }) = asked {
+                return give_up(model, &item);
+            }
         }
         KeyAction::NextPage => return next_page(model),
         KeyAction::Leave => return leave(model),
@@ -249,6 +255,8 @@ fn watch(model: &mut ScreenModel) -> Option<Effect> {
         model.say(MessageWeight::Error, model.texts.no_bench);
         return None;
     }
+    // Not both: a start that is still being checked gives way.
+    model.pending = None;
     model.watching = true;
     model.live = History::default();
     model.message = None;
@@ -263,13 +271,27 @@ fn pause(model: &mut ScreenModel) -> Option<Effect> {
 
 fn abort_item(model: &mut ScreenModel) -> Option<Effect> {
     let item = model.item_under_cursor()?.to_owned();
-    let runs = model.run.as_ref()?.state.row(&item).is_some_and(|row| row.running().is_some());
-    if !runs {
+    let lost_s = model.lost_with_s(&item);
+    if lost_s > ASK_FROM_S && is_running(model, &item) {
+        model.over.push(Over::GiveUp { item, lost_s });
+        return None;
+    }
+    give_up(model, &item)
+}
+
+fn is_running(model: &ScreenModel, item: &str) -> bool {
+    let row = model.run.as_ref().and_then(|run| run.state.row(item));
+    row.is_some_and(|row| row.running().is_some())
+}
+
+/// Ends an item, if it has not ended meanwhile.
+fn give_up(model: &mut ScreenModel, item: &str) -> Option<Effect> {
+    if !is_running(model, item) {
         model.say(MessageWeight::Warning, model.texts.not_running_item);
         return None;
     }
-    model.say(MessageWeight::Info, words(model.texts.aborting_item, &[&item]));
-    Some(Effect::AbortItem(item))
+    model.say(MessageWeight::Info, words(model.texts.aborting_item, &[item]));
+    Some(Effect::AbortItem(item.to_owned()))
 }
 
 /// Stops the run, or asks first if the stop would lose much. Only the first stop asks.
@@ -430,14 +452,16 @@ fn back(model: &mut ScreenModel, place: KeyContext) {
 }
 
 fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
-    if model.over.pop_if(|over| matches!(over, Over::Stop { .. })).is_some() {
+    if model.over.pop_if(|over| matches!(over, Over::Stop { .. } | Over::GiveUp { .. })).is_some() {
         return None;
     }
     if model.over.pop_if(|over| *over == Over::Leave).is_some() {
         if yes {
             model.leaving = true;
             model.say(MessageWeight::Warning, model.texts.leave_stop_first);
-            return stop(model);
+            // Two stops would be at once.
+            let is_stopping = model.run.as_ref().is_some_and(|run| run.stops > 0);
+            return if is_stopping { None } else { stop(model) };
         }
         return None;
     }

@@ -163,7 +163,7 @@ pub(super) fn over(
         None => {}
     }
     // The question whether to stop the run needs no answer any more.
-    model.over.retain(|over| !matches!(over, Over::Leave | Over::Stop { .. }));
+    model.over.retain(|over| !matches!(over, Over::Leave | Over::Stop { .. } | Over::GiveUp { .. }));
     if leaving { Some(Effect::Leave) } else { missed.map(Effect::Refold) }
 }
 

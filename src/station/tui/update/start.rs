@@ -117,6 +117,9 @@ fn take_up(model: &mut ScreenModel, run: Interrupted) -> Option<Effect> {
 
 /// Starts the run that waits.
 fn start(model: &mut ScreenModel) -> Option<Effect> {
+    if model.watching {
+        return None;
+    }
     let PendingStart { selection, rounds, resume, .. } = model.pending.take()?;
     let serial_number = model.scan.current.clone()?;
     let plan = model.plan.ready()?;

@@ -12,7 +12,7 @@ use super::{detail, picture, style, text};
 use crate::files::ChangedFile;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::lang::fill;
-use crate::tui::model::{Glyphs, Prompt, ScreenModel};
+use crate::tui::model::{ASK_FROM_S, Glyphs, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
 
 /// Files that a question names; a plan with more is better looked at in its folder.
@@ -124,12 +124,23 @@ pub(super) fn no_resume(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, 
 
 /// A run is on.
 pub(super) fn leave(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
-    question(model, frame, area, model.texts.leave_title, &[model.texts.leave_question.to_owned()]);
+    let mut lines = vec![model.texts.leave_question.to_owned()];
+    let lost_s = model.lost_s();
+    if lost_s > ASK_FROM_S {
+        lines.insert(0, fill(model.texts.leave_loses, &[&duration(lost_s)]));
+    }
+    question(model, frame, area, model.texts.leave_title, &lines);
 }
 
 /// A stop would lose captures.
 pub(super) fn stop(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, lost_s: f64) {
     let words = fill(model.texts.stop_question, &[&duration(lost_s)]);
+    question(model, frame, area, model.texts.stop_title, &[words]);
+}
+
+/// The end of an item would lose captures.
+pub(super) fn give_up(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, item: &str, lost_s: f64) {
+    let words = fill(model.texts.give_up_question, &[&duration(lost_s), &text::shown(item)]);
     question(model, frame, area, model.texts.stop_title, &[words]);
 }
 
