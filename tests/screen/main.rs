@@ -171,7 +171,7 @@ fn a_lost_terminal_ends_the_run_with_its_record() {
     terminal.wait_for("functional 1.0");
     terminal.types(b"T-1\r");
     terminal.types(F5);
-    terminal.wait_for("RUNNING");
+    terminal.wait_for("module on");
     terminal.close();
     let (status, _) = terminal.end();
     assert_eq!(status.code(), Some(4));
