@@ -17,6 +17,8 @@ use crate::store::reader::{self, FoundRun};
 const MAX_RUNS_OF_DAY: usize = 5000;
 /// Largest number of earlier runs of a module that are read to find out whether it was judged before.
 const MAX_EARLIER: usize = 100;
+/// Days between the date of a run's folder and that of the shift: the offset of the clock may have changed.
+const DATE_SLACK: TimeDelta = TimeDelta::days(1);
 
 /// When the shift began to which a local time belongs. `begins` are the times of day at which shifts begin, in their
 /// order; if there are none, a shift begins at midnight. `to_time` gives the time of a local date and time of day;
@@ -217,8 +219,12 @@ fn was_judged(of: &ShiftOf, serial_number: &str, plan: &str, before: DateTime<Fi
 /// The operator of the newest run of a station since a time; `None` if that run names none, or if there is no run.
 #[must_use]
 pub fn last_operator(of: &ShiftOf, since: DateTime<FixedOffset>) -> Option<String> {
-    let newest = reader::newest(&of.records, MAX_EARLIER).filter_map(|path| reader::read(&path).ok());
-    let ours = newest
+    // A folder has the local date of its run. No older journal is read for the answer: the screen waits for it.
+    let first = since.date_naive() - DATE_SLACK;
+    let newest = reader::newest(&of.records, MAX_EARLIER);
+    let in_time = newest.take_while(|run| reader::day_of_run(run).is_none_or(|day| day >= first));
+    let ours = in_time
+        .filter_map(|path| reader::read(&path).ok())
         .take_while(|run| run.started >= since)
         .find(|run| run.station == of.station && run.bench.kind == of.kind);
     ours.and_then(|run| run.operator)

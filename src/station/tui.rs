@@ -5,6 +5,7 @@
 
 mod decode;
 mod field;
+mod fields;
 mod framing;
 mod input;
 mod keymap;

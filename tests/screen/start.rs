@@ -2,10 +2,17 @@
 
 use std::fs;
 use std::io::{BufRead as _, BufReader};
+use std::os::unix::process::ExitStatusExt as _;
 use std::path::PathBuf;
 use std::process::Stdio;
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
 
 use gnc_tests::{Place, read_json};
+use nix::sys::signal::Signal;
+use nix::sys::stat::Mode;
+use nix::unistd::mkfifo;
 
 use crate::terminal::Terminal;
 use crate::{ESC, F2, F5, F10, STATION, mock, open, outcomes};
@@ -238,4 +245,83 @@ fn a_required_plan_is_asked_for() {
     terminal.wait_for("second requires a pass of first, and C-1 has none that counts: never tested");
     leaves(terminal);
     assert!(place.runs().is_empty());
+}
+
+/// Folders of this many runs of other modules on a day long ago, each with a journal that says nothing.
+fn old_runs(place: &Place, count: usize) -> PathBuf {
+    let day = place.path().join("records/2020-01-02");
+    for number in 0..count {
+        let run = day.join(format!("OLD-{number}/{:06}-long", number % 86_400));
+        fs::create_dir_all(&run).expect("a folder");
+        fs::write(run.join("events.jsonl"), "no event\n").expect("a journal");
+        fs::write(run.join("SHA256SUMS"), "").expect("digests");
+    }
+    day
+}
+
+/// The power goes in mid-run. The next start tells of that run by itself, also on top of thousands of old ones, and the run
+/// is taken up on the screen.
+#[test]
+fn a_killed_run_is_told_at_the_next_start() {
+    let place = Place::new(STATION);
+    old_runs(&place, 2000);
+    place.write("long.toml", CAPTURES);
+    let mut terminal = open(&place, &["--sim", "--sim-speed", "20", "--plan", "long.toml"], 80, 24);
+    terminal.wait_for("long 1");
+    terminal.types(b"C-1\r");
+    terminal.wait_for("C-1: F5 starts the test.");
+    terminal.types(F5);
+    terminal.wait_for("✓ six-position");
+    terminal.signal(Signal::SIGKILL);
+    let (status, _) = terminal.end();
+    assert_eq!(status.signal(), Some(Signal::SIGKILL as i32), "{status}");
+    let of_module = || place.runs().into_iter().filter(|run| run.components().any(|part| part.as_os_str() == "C-1"));
+    let broken = of_module().next().expect("the killed run");
+    assert!(!broken.join("SHA256SUMS").exists(), "it was closed");
+
+    let mut terminal = open_long(&place, &[]);
+    terminal.wait_for("broke off: scan the module to resume it");
+    assert!(terminal.text().contains("run of C-1 of "), "{}", terminal.text());
+    terminal.types(b"C-1\r");
+    terminal.wait_for("broke off; F5 offers to resume it");
+    terminal.types(F5);
+    terminal.wait_for("capture the rest");
+    terminal.types(F2);
+    ends(&mut terminal, "passed");
+    leaves(terminal);
+    let new = of_module().find(|run| *run != broken).expect("a run of its own");
+    let record = read_json(&new.join("run.json"));
+    let resumed = record["resumed"]["run"].as_str();
+    assert_eq!(
+        (record["outcome"].as_str(), resumed),
+        (Some("passed"), broken.file_name().and_then(|name| name.to_str()))
+    );
+}
+
+/// The disk is slow: the search for a run that broke off waits for a journal, here a pipe into which nobody writes. Meanwhile the
+/// screen is drawn and takes a scan.
+#[test]
+fn the_search_for_a_broken_run_delays_no_picture() {
+    let place = Place::new(STATION);
+    place.write("short.toml", LIMITS);
+    let newest = old_runs(&place, 2000).join("OLD-0/235959-long");
+    fs::create_dir_all(&newest).expect("a folder");
+    fs::write(newest.join("log.txt"), "a run").expect("a file");
+    let pipe = newest.join("events.jsonl");
+    mkfifo(&pipe, Mode::S_IRUSR | Mode::S_IWUSR).expect("a pipe");
+    let mut terminal = open(&place, &["--sim", "--sim-speed", "max", "--plan", "short.toml"], 80, 24);
+    terminal.wait_for("limits 1");
+    terminal.types(b"T-1\r");
+    terminal.wait_for("T-1: F5 starts the test.");
+    // Opening a pipe to write waits for one who reads it: the search waits there now, and not before the picture.
+    let (tell, opened) = mpsc::channel();
+    let path = pipe.clone();
+    thread::spawn(move || tell.send(fs::OpenOptions::new().write(true).open(path)));
+    let writer = opened.recv_timeout(Duration::from_secs(60)).expect("the search does not read the newest run");
+    // Whoever opens it from now on finds nothing, and whoever reads it comes to its end.
+    fs::remove_file(&pipe).expect("a pipe");
+    drop(writer);
+    terminal.types(F5);
+    ends(&mut terminal, "passed");
+    leaves(terminal);
 }

@@ -318,6 +318,11 @@ pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<It
     days.flat_map(move |day| runs_of_module(&day, &serial_number).into_iter().rev())
 }
 
+/// The day in whose folder a run stands.
+pub(crate) fn day_of_run(run: &Path) -> Option<NaiveDate> {
+    run.ancestors().nth(2).and_then(day_of)
+}
+
 /// The runs of a day whose module was not the scanned one, in no order. What of them concerns the scanned one, their records
 /// tell.
 pub(crate) fn unassigned(records: &Path, day: &str) -> Vec<PathBuf> {

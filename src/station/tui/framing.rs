@@ -33,11 +33,9 @@ pub(crate) enum ScanProblem {
 
 /// Takes the frame off a scan. `before` is its beginning, if that was given as keys.
 pub(crate) fn number(before: &str, scan: &Scanned) -> Result<String, ScanProblem> {
-    let mut bytes = before.as_bytes().to_vec();
-    bytes.extend(&scan.bytes);
-    let text = String::from_utf8_lossy(without_keys(&bytes)).replace('\0', "");
+    let text = unframed(before, scan);
     // A code that says who it is (GS1) begins with FNC1, behind the name of the symbology.
-    let text = without_symbology(text.trim_matches(is_frame)).trim_matches(is_frame);
+    let text = without_symbology(&text).trim_matches(is_frame);
     let characters = text.chars().count() + scan.dropped;
     if text.is_empty() {
         return Err(ScanProblem::Empty);
@@ -55,6 +53,14 @@ pub(crate) fn number(before: &str, scan: &Scanned) -> Result<String, ScanProblem
         Some(character) => Err(ScanProblem::Invisible(character)),
         None => Ok(text.to_owned()),
     }
+}
+
+/// A scan without its frame, but with the name of the symbology.
+pub(crate) fn unframed(before: &str, scan: &Scanned) -> String {
+    let mut bytes = before.as_bytes().to_vec();
+    bytes.extend(&scan.bytes);
+    let text = String::from_utf8_lossy(without_keys(&bytes)).replace('\0', "");
+    text.trim_matches(is_frame).to_owned()
 }
 
 /// Whether a number was typed in another layout of the keyboard than that of the label: Cyrillic or other letters that are

@@ -216,6 +216,23 @@ fn numbers_that_do_not_fit_are_told() {
         assert_eq!(scene.key(Key::F(5)), None);
         assert!(scene.text().contains("it must fit"), "{}", scene.text());
     }
+    // A code of several fields holds the number that fits: GS1 and ISO/IEC 15434. Without a pattern nobody knows.
+    let gs1 = "]C1010345312000001121SN-0001\u{1d}10ABCD1234\r";
+    for (scan, taken) in [
+        (gs1, true),
+        ("]C1010345312000001121SN-0001\r", true),
+        ("[)>\u{1e}06\u{1d}1PGNC-POP-26B\u{1d}SSN-0001\u{1e}\u{4}\r", true),
+        ("]C1010345312000001121SN-00011\u{1d}10ABCD1234\r", false),
+        ("]C121SN-0001\u{1d}21SN-0002\r", false),
+    ] {
+        let mut scene = with_patterns(None, Some("SN-[0-9]{4}"));
+        let expected = if taken { look_up("SN-0001") } else { None };
+        assert_eq!(scene.scans(scan), expected, "{}", scan.escape_debug());
+        assert_eq!(scene.text().contains("several fields"), !taken, "{}", scene.text());
+    }
+    let mut scene = with_patterns(None, None);
+    assert_eq!(scene.scans(gs1), None);
+    assert!(scene.text().contains("several fields"), "{}", scene.text());
     // A pattern that asks for Cyrillic letters knows better than the rule for layouts.
     let mut scene = with_patterns(Some("БИНС-[0-9]+"), None);
     assert_eq!(scene.scans("БИНС-12\r"), look_up("БИНС-12"));

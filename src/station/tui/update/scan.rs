@@ -7,6 +7,7 @@ use gnc_executive::serial_number::SerialNumberPattern;
 use super::{Effect, numbers, words};
 use crate::serial_number::{self, SerialNumberError};
 use crate::tui::field::InputField;
+use crate::tui::fields;
 use crate::tui::framing::{self, ScanProblem};
 use crate::tui::input::Scanned;
 use crate::tui::keymap::KeyContext;
@@ -21,6 +22,8 @@ pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) -> Option<Effect>
     let texts = model.texts;
     let before = take_back(model, scanned.taken_back);
     let number = match framing::number(&before, scanned) {
+        // A code of several fields, one of which is what the pattern asks for.
+        read if let Some(number) = own_field(model, &before, scanned, read.as_deref().ok()) => Ok(number),
         // A pattern that asks for other letters knows better.
         Ok(number)
             if framing::is_other_layout(&number)
@@ -79,6 +82,16 @@ fn file_waiting(model: &mut ScreenModel, number: &str, ended: bool) -> Result<Op
         tell_dropped(model, number);
     }
     filed
+}
+
+/// The serial number within a code of several fields, if bench or plan have a pattern that it fits and the whole code does not.
+fn own_field(model: &ScreenModel, before: &str, scanned: &Scanned, whole: Option<&str>) -> Option<String> {
+    let is_wanted = |whole: &str| is_asked_for(model, whole) || other_number(model, whole).is_some();
+    if whole.is_some_and(is_wanted) || scanned.dropped > 0 {
+        return None;
+    }
+    let code = framing::unframed(before, scanned);
+    fields::serial_number(&code).filter(|number| is_asked_for(model, number)).map(str::to_owned)
 }
 
 /// Adds to the message that a scan, or what was typed, is not used.
