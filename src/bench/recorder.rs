@@ -190,7 +190,8 @@ impl<'a> Recorder<'a> {
     /// The record could not be written.
     pub(crate) async fn prompted(&self, what: &str) -> Result<(), StoreError> {
         let item = Some(self.item.name.clone());
-        self.journal.emit(EventKind::Prompted { item, text: what.to_owned(), question: None }).await
+        let text = what.to_owned();
+        self.journal.emit(EventKind::Prompted { item, text, question: None, picture_sha256: None }).await
     }
 
     /// Files the answer.
@@ -217,13 +218,23 @@ impl<'a> Recorder<'a> {
         self.journal.look(|state| state.header().and_then(|header| header.operator.clone()))
     }
 
-    /// Files that a question of the plan is asked.
+    /// Files that a question of the plan is asked, and which picture it shows.
     ///
     /// # Errors
     /// The record could not be written.
     pub(crate) async fn asked(&self, question: &Question, text: &str) -> Result<(), StoreError> {
+        let picture_sha256 = question.picture_sha256.clone();
         let (item, question) = (Some(self.item.name.clone()), Some(question.name.clone()));
-        self.journal.emit(EventKind::Prompted { item, text: text.to_owned(), question }).await
+        self.journal.emit(EventKind::Prompted { item, text: text.to_owned(), question, picture_sha256 }).await
+    }
+
+    /// Files that the answers to questions of the plan are looked over; `last` is the last question.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub(crate) async fn looked_over(&self, last: &Question, text: &str) -> Result<(), StoreError> {
+        let (item, question) = (Some(self.item.name.clone()), Some(last.name.clone()));
+        self.journal.emit(EventKind::Prompted { item, text: text.to_owned(), question, picture_sha256: None }).await
     }
 
     /// Files what was answered to a question of the plan.

@@ -17,6 +17,9 @@
 //! hook = ["./light.sh", "socket-1"]  # a program that reads each verdict as JSON from its standard input
 //! hook_time = "10 s"                 # it is killed after this time
 //!
+//! [screen]                           # optional
+//! pictures = "auto"                  # how pictures of questions are drawn: kitty, iterm2, sixel, off
+//!
 //! [shift]                            # optional: without it a shift begins at midnight
 //! begins = ["06:00", "14:00", "22:00"]
 //!
@@ -57,7 +60,7 @@ use gnc_config::{Mistakes, SourceText, Span, TomlTable, read};
 use gnc_text::quoted;
 use serde::{Deserialize, Serialize};
 
-pub use habits::{Hook, OperatorHabit, VerdictHabit};
+pub use habits::{DrawPictures, Hook, OperatorHabit, VerdictHabit};
 pub use imperfections::BenchImperfections;
 
 use crate::numbers::{self, NumberField};
@@ -91,6 +94,8 @@ pub struct BenchFile {
     pub operator: OperatorHabit,
     /// What follows a verdict.
     pub verdict: VerdictHabit,
+    /// How the screen draws the pictures of questions.
+    pub pictures: DrawPictures,
     /// When shifts begin, in the order of the day; empty if one begins at midnight.
     pub shifts: Vec<NaiveTime>,
     /// What the serial number of each module must match.
@@ -203,6 +208,7 @@ impl BenchFile {
             let scanner = root.within("scanner", |table| scanner(table, &others)).flatten();
             let operator = root.within("operator", habits::operator).unwrap_or_default();
             let verdict = root.within("verdict", habits::verdict).unwrap_or_default();
+            let pictures = root.within("screen", habits::pictures).unwrap_or_default();
             let shifts = root.within("shift", habits::shifts).unwrap_or_default();
             let numbers = numbers::read(root);
             let Station { id: station_id, records, key, plan, serial_number } = station;
@@ -213,6 +219,7 @@ impl BenchFile {
                 plan,
                 operator,
                 verdict,
+                pictures,
                 shifts,
                 serial_number,
                 numbers,

@@ -155,6 +155,9 @@ pub enum EventKind {
         /// Name of the plan's question, if it is one; of the last one if all answers are looked over.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         question: Option<String>,
+        /// SHA-256 of the picture that the question shows, as it was when the plan was checked.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        picture_sha256: Option<String>,
     },
     /// The prompt was answered.
     Answered {

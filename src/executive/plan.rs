@@ -334,6 +334,19 @@ impl Plan {
         mistakes.or(self)
     }
 
+    /// Notes the digests of the pictures that questions show. `digest` reads a picture by its path, and returns none for one
+    /// that cannot be read.
+    #[must_use]
+    pub fn with_pictures(mut self, digest: impl Fn(&str) -> Option<String>) -> Plan {
+        for question in self.items.iter_mut().flat_map(|item| &mut item.questions) {
+            if let Some(path) = &question.picture {
+                let picture_sha256 = digest(path);
+                *question = Arc::new(Question { picture_sha256, ..(**question).clone() });
+            }
+        }
+        self
+    }
+
     /// A mistake at the id of an item.
     pub(crate) fn mistake_at(&self, item: &PlanItem, what: String, hint: &str) -> Mistake {
         match self.sources.get(item.place.source) {

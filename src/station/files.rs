@@ -1,47 +1,104 @@
 //! Reads plans and bench files from the disk, and finds out whether they have changed since.
 
-use std::fs::File;
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _};
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 
 use gnc_bench::service::CheckedPlan;
+use gnc_config::Mistakes;
 use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
 use gnc_executive::plan::{MAX_PLAN_BYTES, Plan, PlanItem};
+use gnc_records::store::digest;
 use gnc_text::quoted;
 
 use crate::refusal::CommandRefusal;
 
-/// Reads and checks a plan with all that it includes, and with its pictures.
+/// Largest size of a picture: photographs of phones have 2 to 12 MiB.
+const MAX_PICTURE_BYTES: usize = 16 << 20;
+
+/// Reads and checks a plan with all that it includes, and with its pictures, whose digests it notes.
 pub(crate) fn plan(path: &Path) -> Result<CheckedPlan, CommandRefusal> {
-    checked(path, missing_pictures)
+    checked(path, |plan| {
+        let read: BTreeMap<String, Result<String, PictureFileError>> =
+            pictures(&plan).map(|path| (path.to_owned(), picture_sha256(path))).collect();
+        let plan = plan.check(|item| picture_mistakes(item, &read))?;
+        Ok(plan.with_pictures(|path| read.get(path).and_then(|read| read.as_ref().ok()).cloned()))
+    })
 }
 
 /// The same for a plan that asks nobody: its limits judge what was answered before.
 pub(crate) fn plan_to_judge(path: &Path) -> Result<CheckedPlan, CommandRefusal> {
-    checked(path, |_| Vec::new())
+    checked(path, Ok)
 }
 
-fn checked(
-    path: &Path,
-    look: impl Fn(&PlanItem) -> Vec<(String, &'static str)>,
-) -> Result<CheckedPlan, CommandRefusal> {
+fn checked(path: &Path, look: impl Fn(Plan) -> Result<Plan, Mistakes>) -> Result<CheckedPlan, CommandRefusal> {
     let bytes = read(path, MAX_PLAN_BYTES).map_err(|error| cannot_read("plan", path, &error))?;
     let mut load = |name: &str| read(Path::new(name), MAX_PLAN_BYTES).map_err(|error| error.to_string());
     let plan = Plan::read(&path.to_string_lossy(), bytes, &mut load);
-    plan.and_then(|plan| plan.check(look))
-        .and_then(CheckedPlan::new)
-        .map_err(|mistakes| CommandRefusal::new(mistakes, ""))
+    plan.and_then(look).and_then(CheckedPlan::new).map_err(|mistakes| CommandRefusal::new(mistakes, ""))
 }
 
-/// The pictures of questions that are not there. An operator who is told to look at one must find it.
-fn missing_pictures(item: &PlanItem) -> Vec<(String, &'static str)> {
+/// The paths of the pictures that a plan shows.
+fn pictures(plan: &Plan) -> impl Iterator<Item = &str> {
+    let questions = plan.items().iter().flat_map(|item| &item.questions);
+    questions.filter_map(|question| question.picture.as_deref())
+}
+
+fn picture_sha256(path: &str) -> Result<String, PictureFileError> {
+    picture(Path::new(path)).map(|bytes| digest::of_bytes(&bytes))
+}
+
+/// The pictures of questions that are not there or cannot be read. An operator who is told to look at one must find it.
+fn picture_mistakes(
+    item: &PlanItem,
+    read: &BTreeMap<String, Result<String, PictureFileError>>,
+) -> Vec<(String, &'static str)> {
     let pictures = item.questions.iter().filter_map(|question| Some((question, question.picture.as_deref()?)));
-    let missing = pictures.filter(|(_, path)| !Path::new(path).is_file());
-    let told = missing.map(|(question, path)| {
-        let what = format!("the question {} shows {}, and there is no such file", question.name, quoted(path));
-        (what, "the path is relative to the plan's file")
+    let mistakes = pictures.filter_map(|(question, path)| {
+        let error = read.get(path)?.as_ref().err()?;
+        let (name, path) = (&question.name, quoted(path));
+        Some(match error {
+            PictureFileError::Missing => (
+                format!("the question {name} shows {path}, and there is no such file"),
+                "the path is relative to the plan's file",
+            ),
+            PictureFileError::TooLarge => (
+                format!("the question {name} shows {path}, which has more than {} MiB", MAX_PICTURE_BYTES >> 20),
+                "save the picture with fewer pixels",
+            ),
+            PictureFileError::Unreadable(error) => (
+                format!("the question {name} shows {path}, which cannot be read: {error}"),
+                "make it readable for this user",
+            ),
+        })
     });
-    told.collect()
+    mistakes.collect()
+}
+
+/// Why a picture is not read.
+#[derive(Debug)]
+pub(crate) enum PictureFileError {
+    /// There is no file, or it is a folder, a pipe or a device.
+    Missing,
+    TooLarge,
+    Unreadable(io::Error),
+}
+
+/// Reads a picture. A pipe or a device in its place blocks nothing.
+pub(crate) fn picture(path: &Path) -> Result<Vec<u8>, PictureFileError> {
+    let opened = OpenOptions::new().read(true).custom_flags(nix::libc::O_NONBLOCK).open(path);
+    let file = opened.map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => PictureFileError::Missing,
+        _ => PictureFileError::Unreadable(error),
+    })?;
+    if !file.metadata().map_err(PictureFileError::Unreadable)?.is_file() {
+        return Err(PictureFileError::Missing);
+    }
+    let mut bytes = Vec::new();
+    file.take(MAX_PICTURE_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(PictureFileError::Unreadable)?;
+    if bytes.len() > MAX_PICTURE_BYTES { Err(PictureFileError::TooLarge) } else { Ok(bytes) }
 }
 
 /// Reads and checks a bench file.
@@ -74,11 +131,27 @@ pub(crate) struct ChangedFile {
     pub unreadable: Option<String>,
 }
 
-/// The files of a plan that have changed since they were checked.
+/// The files of a plan, its pictures included, that have changed since they were checked.
 pub(crate) fn changed_plan(path: &Path, plan: &CheckedPlan) -> Vec<ChangedFile> {
     // The plan's name may be written in another encoding than its path, so compare by the path as it was given.
     let paths = std::iter::once(path).chain(plan.plan().files().skip(1).map(|(name, _)| Path::new(name)));
-    paths.zip(plan.plan().files()).filter_map(|(path, (_, text))| changed(path, text)).collect()
+    let texts = paths.zip(plan.plan().files()).filter_map(|(path, (_, text))| changed(path, text));
+    let items = plan.plan().items().iter();
+    let pictures: BTreeMap<&str, Option<&str>> = items
+        .flat_map(|item| &item.questions)
+        .filter_map(|question| Some((question.picture.as_deref()?, question.picture_sha256.as_deref())))
+        .collect();
+    texts.chain(pictures.into_iter().filter_map(|(path, was)| changed_picture(path, was))).collect()
+}
+
+fn changed_picture(path: &str, was: Option<&str>) -> Option<ChangedFile> {
+    let unreadable = match picture_sha256(path) {
+        Ok(is) if Some(is.as_str()) == was => return None,
+        Ok(_) | Err(PictureFileError::TooLarge) => None,
+        Err(PictureFileError::Missing) => Some(io::Error::from(io::ErrorKind::NotFound).to_string()),
+        Err(PictureFileError::Unreadable(error)) => Some(error.to_string()),
+    };
+    Some(ChangedFile { name: path.to_owned(), unreadable })
 }
 
 /// Returns a file that has changed since it was read.
@@ -107,3 +180,6 @@ fn cannot_read(what: &str, path: &Path, error: &io::Error) -> CommandRefusal {
     };
     CommandRefusal::new(format!("cannot read the {what} {}: {error}", path.display()), try_this)
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use chrono::{Local, NaiveTime};
 use gnc_bench::fixture::Fixture;
 use gnc_bench::service::{CheckedPlan, Equipment};
-use gnc_executive::bench::{BenchFile, BenchSite, OperatorHabit, ScannerSettings, TestSocket};
+use gnc_executive::bench::{BenchFile, BenchSite, DrawPictures, OperatorHabit, ScannerSettings, TestSocket};
 use gnc_executive::event::{BenchInfo, BenchKind};
 use gnc_executive::job::BenchAbilities;
 use gnc_executive::numbers::NumberField;
@@ -78,6 +78,8 @@ pub(crate) struct BenchHabits {
     pub bell: bool,
     /// The program that is told each verdict.
     pub hook: Option<HookProgram>,
+    /// How the screen draws the pictures of questions.
+    pub pictures: DrawPictures,
     /// When shifts begin, in the order of the day.
     pub shifts: Vec<NaiveTime>,
 }
@@ -89,6 +91,7 @@ impl BenchHabits {
             operator: file.operator.clone(),
             bell: file.verdict.bell,
             hook: file.verdict.hook.as_ref().and_then(|hook| HookProgram::new(hook, folder)),
+            pictures: file.pictures,
             shifts: file.shifts.clone(),
         }
     }

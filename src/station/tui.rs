@@ -7,6 +7,7 @@ mod decode;
 mod field;
 mod fields;
 mod framing;
+mod graphics;
 mod input;
 mod keymap;
 mod lang;
@@ -15,6 +16,7 @@ mod look;
 mod model;
 mod numbers;
 mod pending;
+mod pictures;
 mod prompt;
 mod records;
 mod scene;
@@ -161,6 +163,7 @@ fn first_model(
 ) -> ScreenModel {
     let (lang, look) = look::choose(&crate::locale::Environment::read(), args.lang);
     let mut model = ScreenModel::new(lang, look, clock.now());
+    model.pictures.terminal = graphics::of_terminal(|name| std::env::var(name).ok());
     model.numbers = numbers::Numbers::new(args.numbers.clone());
     model.part = [&args.part, &args.revision].map(|text| text.clone().unwrap_or_default());
     model.operator = args.operator.clone().unwrap_or_default();

@@ -4,6 +4,7 @@
 
 mod calibration;
 mod day;
+mod pictures;
 mod questions;
 mod scanner;
 mod start;
@@ -32,10 +33,22 @@ const ESC: &[u8] = b"\x1b";
 
 /// The screen of a station in this folder.
 fn open(place: &Place, args: &[&str], columns: u16, rows: u16) -> Terminal {
+    open_on(place, &[("TERM", "xterm-256color")], args, columns, rows)
+}
+
+/// What terminals and programs before them say of themselves.
+const TERMINALS: [&str; 8] =
+    ["TERM_PROGRAM", "KITTY_WINDOW_ID", "TMUX", "STY", "ZELLIJ", "VTE_VERSION", "KONSOLE_VERSION", "XTERM_VERSION"];
+
+/// The same on a terminal with this environment.
+fn open_on(place: &Place, environment: &[(&str, &str)], args: &[&str], columns: u16, rows: u16) -> Terminal {
     // A separate session, so that the terminal is its controlling one and a hang-up reaches it.
     let mut command = Command::new("setsid");
     command.arg("--ctty").arg(STATION).args(args).current_dir(place.path());
-    command.env("TERM", "xterm-256color").env("LC_ALL", "C.UTF-8").env_remove("NO_COLOR");
+    for variable in TERMINALS {
+        command.env_remove(variable);
+    }
+    command.env("LC_ALL", "C.UTF-8").env_remove("NO_COLOR").envs(environment.iter().copied());
     Terminal::start(command, columns, rows)
 }
 

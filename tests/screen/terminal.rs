@@ -34,6 +34,8 @@ pub(crate) struct Terminal {
     slave: OwnedFd,
     before: Termios,
     parser: vt100::Parser<Bells>,
+    /// All that the program wrote.
+    sent: Vec<u8>,
     ended: mpsc::Receiver<ExitStatus>,
     pid: Pid,
     deadline: Instant,
@@ -60,7 +62,7 @@ impl Terminal {
         let parser = vt100::Parser::new_with_callbacks(at_least_one(rows), at_least_one(columns), 0, Bells::default());
         let deadline = Instant::now() + DEADLINE;
         let master = File::from(OwnedFd::from(master));
-        Self { master: Some(master), slave, before, parser, ended, pid, deadline }
+        Self { master: Some(master), slave, before, parser, sent: Vec::new(), ended, pid, deadline }
     }
 
     pub(crate) fn text(&self) -> String {
@@ -79,6 +81,18 @@ impl Terminal {
 
     pub(crate) fn wait_until(&mut self, what: &str, mut seen: impl FnMut(&vt100::Screen) -> bool) {
         while !seen(self.parser.screen()) {
+            self.read(what);
+        }
+    }
+
+    /// All that the program wrote so far.
+    pub(crate) fn sent(&self) -> &[u8] {
+        &self.sent
+    }
+
+    /// Waits until the program has written something.
+    pub(crate) fn wait_for_bytes(&mut self, what: &str, mut seen: impl FnMut(&[u8]) -> bool) {
+        while !seen(&self.sent) {
             self.read(what);
         }
     }
@@ -178,6 +192,7 @@ impl Terminal {
         match self.master.as_ref().expect("a terminal").read(&mut bytes) {
             Ok(count) => {
                 self.parser.process(&bytes[..count]);
+                self.sent.extend(&bytes[..count]);
                 count
             }
             Err(_) => 0,

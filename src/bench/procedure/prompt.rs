@@ -112,7 +112,7 @@ impl Asker<'_> {
         let mut words = ask.to_string();
         loop {
             self.person.forget().await;
-            self.recorder.asked(last.question, &words).await?;
+            self.recorder.looked_over(last.question, &words).await?;
             match self.person.reply(&ask, self.recorder).await? {
                 Reply::Back => {
                     self.recorder.told(last.question, "the last answer is to be given again").await?;

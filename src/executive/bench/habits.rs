@@ -1,4 +1,5 @@
-//! What a bench does around its runs: who tests, which plan is usual, what follows a verdict, when shifts begin.
+//! What a bench does around its runs: who tests, which plan is usual, what follows a verdict, when shifts begin, how its
+//! terminal draws pictures.
 
 use chrono::NaiveTime;
 use gnc_config::TomlTable;
@@ -41,6 +42,41 @@ pub struct Hook {
     pub command: Vec<String>,
     /// Seconds after which the program is killed.
     pub limit_s: f64,
+}
+
+/// How the screen draws the pictures of questions: `pictures` of the table `[screen]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DrawPictures {
+    /// As the terminal says what it is.
+    #[default]
+    Auto,
+    /// By the protocol of kitty.
+    Kitty,
+    /// By the protocol of iTerm2.
+    Iterm2,
+    /// As sixels.
+    Sixel,
+    /// Not at all: the path alone is shown.
+    Off,
+}
+
+/// The words for it in bench files.
+const DRAW_PICTURES: [(&str, DrawPictures); 5] = [
+    ("auto", DrawPictures::Auto),
+    ("kitty", DrawPictures::Kitty),
+    ("iterm2", DrawPictures::Iterm2),
+    ("sixel", DrawPictures::Sixel),
+    ("off", DrawPictures::Off),
+];
+
+pub(super) fn pictures(table: &TomlTable<'_, '_>) -> DrawPictures {
+    let Some((word, span)) = table.text("pictures") else { return DrawPictures::default() };
+    if let Some((_, how)) = DRAW_PICTURES.iter().find(|(known, _)| *known == word) {
+        return *how;
+    }
+    let what = format!("{} is no way to draw pictures", quoted(word));
+    table.mistake_at(span, what, "write \"auto\", \"kitty\", \"iterm2\", \"sixel\" or \"off\"");
+    DrawPictures::default()
 }
 
 pub(super) fn operator(table: &TomlTable<'_, '_>) -> OperatorHabit {

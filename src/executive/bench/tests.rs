@@ -165,6 +165,10 @@ fn mistakes_of_a_fixture() {
     "#);
 }
 
+fn small_bench() -> BenchFile {
+    BenchFile::read("bench.toml", b"[station]\nid = \"a\"".to_vec()).unwrap()
+}
+
 #[test]
 fn habits_of_a_bench_are_read() {
     let text = r#"
@@ -178,6 +182,8 @@ name = "A. Chen"
 bell = true
 hook = ["./light.sh", "socket 1"]
 hook_time = "0.5 min"
+[screen]
+pictures = "sixel"
 [shift]
 begins = ["22:00", "06:00", "14:00"]
 "#;
@@ -186,15 +192,16 @@ begins = ["22:00", "06:00", "14:00"]
     assert_eq!(bench.operator, OperatorHabit { required: true, name: Some("A. Chen".into()) });
     let hook = Hook { command: vec!["./light.sh".into(), "socket 1".into()], limit_s: 30.0 };
     assert_eq!(bench.verdict, VerdictHabit { bell: true, hook: Some(hook) });
+    assert_eq!((bench.pictures, small_bench().pictures), (DrawPictures::Sixel, DrawPictures::Auto));
     assert_eq!(bench.shifts.iter().map(ToString::to_string).collect::<Vec<_>>(), ["06:00:00", "14:00:00", "22:00:00"]);
-    let small = BenchFile::read("bench.toml", b"[station]\nid = \"a\"".to_vec()).unwrap();
+    let small = small_bench();
     assert_eq!((small.operator, small.verdict, small.shifts), Default::default());
 }
 
 #[test]
 fn mistakes_of_habits() {
     let text = "[station]\nid = \"a\"\n[operator]\nrequired = \"yes\"\n[verdict]\nhook_time = \"0 s\"\nhok = [\"./light.sh\"]\n\
-                [shift]\nbegins = [\"6:00\", \"06:00\", \"24:00\"]\n";
+                [shift]\nbegins = [\"6:00\", \"06:00\", \"24:00\"]\n[screen]\npictures = \"sixels\"\n";
     insta::assert_snapshot!(BenchFile::read("bench.toml", text.into()).unwrap_err(), @r#"
     bench.toml:4:12: "required" is a text, and must be true or false
      4 | required = "yes"
@@ -224,6 +231,11 @@ fn mistakes_of_habits() {
      9 | begins = ["6:00", "06:00", "24:00"]
        |                            ^^^^^^^
        = try: write begins = ["06:00", "14:00", "22:00"]
+
+    bench.toml:11:12: "sixels" is no way to draw pictures
+     11 | pictures = "sixels"
+        |            ^^^^^^^^
+        = try: write "auto", "kitty", "iterm2", "sixel" or "off"
     "#);
 }
 

@@ -52,6 +52,8 @@ pub fn events_schema() -> Result<Value, serde_json::Error> {
     }))
 }
 
+/// What names the picture of a question.
+const PICTURE: &str = "SHA-256 of the picture that the question shows, as it was when the plan was checked.";
 /// What names the question of a request.
 const QUESTION: &str =
     "Name of the plan's question, or of the last one if all answers are looked over; absent for other requests.";
@@ -237,7 +239,12 @@ fn kinds(run: &Value) -> Vec<(&'static str, &'static str, Vec<Field>)> {
         (
             "prompted",
             "The station asked a person to do something.",
-            vec![("item", true, whose()), ("text", true, text("What to do.")), ("question", false, text(QUESTION))],
+            vec![
+                ("item", true, whose()),
+                ("text", true, text("What to do.")),
+                ("question", false, text(QUESTION)),
+                ("picture_sha256", false, text(PICTURE)),
+            ],
         ),
         (
             "answered",

@@ -25,6 +25,8 @@ pub struct Question {
     pub kind: QuestionKind,
     /// Path of a picture, as it is found from where the plan was found.
     pub picture: Option<String>,
+    /// SHA-256 of the picture as hexadecimal digits, once it was read.
+    pub picture_sha256: Option<String>,
 }
 
 /// The words of a question.

@@ -35,6 +35,12 @@ pub fn of_plan<'a>(files: impl Iterator<Item = (&'a str, &'a [u8])>) -> String {
     hexadecimal(&hasher.finalize())
 }
 
+/// Digest of bytes.
+#[must_use]
+pub fn of_bytes(bytes: &[u8]) -> String {
+    hexadecimal(&Sha256::digest(bytes))
+}
+
 /// Digest of a file.
 ///
 /// # Errors

@@ -212,6 +212,13 @@ pub(crate) struct Texts {
     pub not_possible: &'static str,
     pub on_no: &'static str,
     // Questions of the plan.
+    pub picture_loading: &'static str,
+    pub picture_gone: &'static str,
+    pub picture_unreadable: &'static str,
+    pub picture_changed: &'static str,
+    pub picture_other_format: &'static str,
+    pub picture_broken: &'static str,
+    pub picture_large: &'static str,
     pub answer_typed: &'static str,
     pub answer_takes: &'static str,
     pub answer_key: &'static str,

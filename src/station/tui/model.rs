@@ -9,6 +9,7 @@ use std::time::Duration;
 use chrono::{DateTime, FixedOffset};
 use gnc_analysis::motion::{self, MotionProgram, MotionStep};
 use gnc_bench::guidance::Guidance;
+use gnc_executive::bench::DrawPictures;
 use gnc_executive::catalogue::TEMPERATURE_DRIFT;
 use gnc_executive::event::{BenchKind, PlannedItem};
 use gnc_executive::limit::Limit;
@@ -27,6 +28,7 @@ use super::keymap::KeyContext;
 use super::lang::{Lang, Texts};
 use super::numbers::Numbers;
 use super::pending::{Interrupted, PendingStart};
+use super::pictures::Pictures;
 pub(crate) use super::prompt::Prompt;
 use super::records::Records;
 use crate::files::ChangedFile;
@@ -109,6 +111,8 @@ pub(crate) struct BenchView {
     pub operator_required: bool,
     /// The terminal rings at each verdict and each question.
     pub bell: bool,
+    /// How pictures of questions are drawn.
+    pub pictures: DrawPictures,
     /// What serial numbers must match on this bench.
     pub serial_number: Option<SerialNumberPattern>,
     /// Numbers beside it that each run on this bench is asked for.
@@ -420,6 +424,8 @@ pub(crate) struct ScreenModel {
     pub rounds: RoundsSetting,
     pub after_failure: AfterFailure,
     pub scan: Scan,
+    /// The picture of the question that is asked.
+    pub pictures: Pictures,
     pub pending: Option<PendingStart>,
     /// The run that the command line wants to take up, until the operator has decided about it.
     pub resume: Option<PathBuf>,
@@ -490,6 +496,7 @@ impl ScreenModel {
             rounds: RoundsSetting::Once,
             after_failure: AfterFailure::AsPlanned,
             scan: Scan::default(),
+            pictures: Pictures::default(),
             pending: None,
             resume: None,
             ticks: Vec::new(),

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset, TimeDelta};
 use gnc_board::{Readings, StreamReading};
+use gnc_executive::bench::DrawPictures;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::{
     BenchInfo, BenchKind, BoardInfo, EVENTS_SCHEMA, EarlierRun, Event, EventKind, PlanInfo, PlannedItem, Power,
@@ -60,6 +61,7 @@ impl Scene {
             operator: None,
             operator_required: false,
             bell: false,
+            pictures: DrawPictures::Auto,
             serial_number: None,
             numbers: Arc::default(),
         };
@@ -292,6 +294,13 @@ impl Scene {
             out.push('\n');
         }
         out
+    }
+
+    /// The next drawing, cell by cell, as it is compared with the one before.
+    #[cfg(test)]
+    pub(crate) fn frame(&mut self) -> ratatui::buffer::Buffer {
+        let model = &self.model;
+        self.terminal.draw(|frame| view::draw(model, frame)).expect("memory").buffer.clone()
     }
 
     /// Cells with a colour.

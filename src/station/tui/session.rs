@@ -3,6 +3,7 @@
 
 mod archive;
 mod files;
+pub(in crate::tui) mod pictures;
 mod prepare;
 mod rounds;
 mod scanner;
@@ -269,6 +270,10 @@ impl ScreenSession {
                 let records = self.records();
                 self.aside(move || Msg::Runs(archive::runs(&records, day)));
             }
+            Effect::Draw(wanted) => self.aside(move || {
+                let made = pictures::make(&wanted);
+                Msg::Drawn { wanted, made }
+            }),
             Effect::OpenRun(path) => self.aside(move || Msg::Opened(archive::open(path))),
             Effect::Verify(path) => self.aside(move || archive::verify(path)),
             Effect::Refold(path) => self.aside(move || archive::refold(path)),

@@ -13,6 +13,7 @@ use tokio::sync::{mpsc, watch};
 
 use super::input::Input;
 use super::model::{Now, Progress, ScreenModel};
+use super::pictures::PictureWanted;
 use super::update::{Effect, Msg, update};
 use super::view;
 
@@ -66,6 +67,7 @@ pub(crate) async fn show<B: Backend>(
     ring: impl Fn(),
 ) -> Result<LoopEnd, B::Error> {
     let mut drawn = Instant::now();
+    measure(terminal, model);
     terminal.draw(|frame| view::draw(model, frame))?;
     let (mut changed, mut anew) = (false, false);
     loop {
@@ -119,11 +121,31 @@ pub(crate) async fn show<B: Backend>(
                 // position, and the answer would arrive among the keys.)
                 let size = terminal.size()?;
                 terminal.resize(Rect::from((Position::ORIGIN, size)))?;
+                measure(terminal, model);
             }
-            terminal.draw(|frame| view::draw(model, frame))?;
+            let area = terminal.draw(|frame| view::draw(model, frame))?.area;
             changed = false;
+            if let Some(picture) = next_picture(model, area)
+                && commands.send(Effect::Draw(picture)).await.is_err()
+            {
+                return Ok(LoopEnd::Left);
+            }
         }
     }
+}
+
+/// Takes the size of a cell in pixels. The kernel knows it; the terminal itself is not asked.
+fn measure<B: Backend>(terminal: &mut Terminal<B>, model: &mut ScreenModel) {
+    let size = terminal.backend_mut().window_size().ok();
+    let (cells, pixels) = size.map(|size| (size.columns_rows, size.pixels)).unwrap_or_default();
+    model.pictures.window(cells, pixels);
+}
+
+/// The picture of the question on the screen, if it is to be made.
+pub(super) fn next_picture(model: &mut ScreenModel, area: Rect) -> Option<PictureWanted> {
+    let is_asked = model.run.as_ref().is_some_and(|run| run.prompt.is_some());
+    let wanted = view::picture_wanted(model, area);
+    model.pictures.next(is_asked, wanted)
 }
 
 /// How long the drawing stays valid if nothing happens.

@@ -26,6 +26,9 @@ const FRAME_BYTES: usize = 64 << 10;
 /// Bytes read at once.
 const READ_BYTES: usize = 1024;
 
+/// The name of the thread that decodes pictures.
+pub(crate) const PICTURE_THREAD: &str = "picture";
+
 /// Has the terminal ring, or flash if its owner set it so.
 pub(crate) fn ring() {
     let out = io::stdout();
@@ -44,11 +47,14 @@ pub(crate) struct Guard {
 
 impl Guard {
     /// Makes a guard that has taken nothing yet. A panic on any thread gives the terminal back, so that its message can
-    /// be read.
+    /// be read. The thread of pictures is another case: a decoder that fails badly must not end a run.
     pub(crate) fn new() -> Self {
         let guard = Self { taken: Arc::new(AtomicBool::new(false)) };
         let (in_panic, before) = (guard.clone(), std::panic::take_hook());
         std::panic::set_hook(Box::new(move |info| {
+            if std::thread::current().name() == Some(PICTURE_THREAD) {
+                return;
+            }
             in_panic.give_back();
             before(info);
         }));

@@ -3,6 +3,7 @@
 mod captures;
 mod numbers;
 mod parts;
+mod pictures;
 mod prompts;
 mod properties;
 mod questions;

@@ -22,6 +22,7 @@ use super::input::{Input, Scanned};
 use super::lang::{Lang, fill};
 use super::model::{BenchView, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage};
 use super::pending::{Interrupted, Prepared};
+use super::pictures::{DrawnPicture, PictureTrouble, PictureWanted};
 use super::records::{Check, Checked, Day, OpenRun, RunMark, Runs, Unopened};
 use super::setup_form::Choices;
 use crate::phrases::in_language;
@@ -49,6 +50,8 @@ pub(crate) enum Msg {
     Asked { item: String, ask: Ask },
     /// The item no longer waits for an answer.
     AskedNoMore,
+    /// The picture of a question is ready to be drawn, or cannot be drawn.
+    Drawn { wanted: PictureWanted, made: Result<DrawnPicture, PictureTrouble> },
     /// The bench was looked at.
     Bench { path: String, bench: Loaded<BenchView> },
     /// The plan was checked.
@@ -124,6 +127,8 @@ pub(crate) enum Effect {
     Pause(bool),
     AbortItem(String),
     Answer(Reply),
+    /// Make the picture of a question ready to be drawn.
+    Draw(PictureWanted),
     Choose {
         plan: String,
         bench: String,
@@ -181,6 +186,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
                 run.prompt = None;
             }
         }
+        Msg::Drawn { wanted, made } => model.pictures.take(wanted, made),
         Msg::Bench { path, bench } => {
             if matches!(bench, Loaded::Refused(_)) {
                 // The old message may say that F5 starts a run.

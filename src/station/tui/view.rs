@@ -30,6 +30,7 @@ use ratatui::widgets::{Paragraph, Wrap};
 
 use super::lang::fill;
 use super::model::{Over, ScreenModel, ScreenPage};
+use super::pictures::PictureWanted;
 
 /// The smallest screen with panels. A list scrolls where it has not enough rows.
 pub(crate) const MIN_WIDTH: u16 = 80;
@@ -65,16 +66,35 @@ fn too_small(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), area);
 }
 
-fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
-    let unrecorded = frame::unrecorded(model, area);
-    let [head, body, trouble, message, foot] = Layout::vertical([
+/// Head, body, what has no record, message, foot.
+fn rows(area: Rect, unrecorded: usize) -> [Rect; 5] {
+    Layout::vertical([
         Constraint::Length(1),
         Constraint::Fill(1),
-        Constraint::Length(unrecorded.len() as u16),
+        Constraint::Length(unrecorded as u16),
         Constraint::Length(1),
         Constraint::Length(1),
     ])
-    .areas(area);
+    .areas(area)
+}
+
+/// Whether a layer stands before the question of the run.
+fn hides_prompt(over: Option<&Over>) -> bool {
+    !matches!(over, None | Some(Over::Item { .. } | Over::Log { .. }))
+}
+
+/// The picture of the question on the screen, if the terminal can draw it and there is room.
+pub(crate) fn picture_wanted(model: &ScreenModel, area: Rect) -> Option<PictureWanted> {
+    if area.width < LEAST.0 || area.height < LEAST.1 || hides_prompt(model.over.last()) {
+        return None;
+    }
+    let [_, body, ..] = rows(area, frame::unrecorded(model, area).len());
+    dialog::picture_wanted(model, body)
+}
+
+fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
+    let unrecorded = frame::unrecorded(model, area);
+    let [head, body, trouble, message, foot] = rows(area, unrecorded.len());
     frame::head(model, frame, head);
     let small = frame.area().width < MIN_WIDTH || frame.area().height < MIN_HEIGHT;
     match (model.over.last(), model.page) {
@@ -98,7 +118,7 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         Some(Over::Leave) => dialog::leave(model, frame, body),
         Some(Over::Stop { lost_s }) => dialog::stop(model, frame, body, *lost_s),
         Some(Over::GiveUp { item, lost_s }) => dialog::give_up(model, frame, body, item, *lost_s),
-        Some(Over::Help { .. } | Over::Setup(_)) => {}
+        over if hides_prompt(over) => {}
         _ => dialog::prompt(model, frame, body),
     }
     text::lines(frame, unrecorded, trouble);

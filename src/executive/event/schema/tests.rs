@@ -40,7 +40,12 @@ fn events() -> Vec<Value> {
         let breach = BoardBreach { section: 9, what: "x".to_owned(), count: 2, worst: None, safety: false };
         for kind in [
             EventKind::StopRequested { how: StopHow::AtOnce, by: "SIGTERM".to_owned() },
-            EventKind::Prompted { item: None, text: "turn the module".to_owned(), question: None },
+            EventKind::Prompted {
+                item: None,
+                text: "turn the module".to_owned(),
+                question: None,
+                picture_sha256: None,
+            },
             EventKind::Answered {
                 item: Some("imu".to_owned()),
                 answer: String::new(),

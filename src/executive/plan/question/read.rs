@@ -147,7 +147,7 @@ fn one(walk: &Walk<'_>, table: TomlTable<'_, '_>, plan: &str) -> Option<Asked> {
     table.finish();
     let ((name, name_span), (kind, good)) = (name?, kind?);
     let words = QuestionWords { en: en?, zh, ru };
-    let question = Arc::new(Question { name: name.to_owned(), words, kind, picture });
+    let question = Arc::new(Question { name: name.to_owned(), words, kind, picture, picture_sha256: None });
     Some(Asked { question, name_span, good })
 }
 

@@ -101,6 +101,7 @@ fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
         operator: usual_operator(checked),
         operator_required: checked.habits.operator.required,
         bell: checked.habits.bell,
+        pictures: checked.habits.pictures,
         serial_number: checked.serial_number.clone(),
         numbers: checked.numbers.clone().into(),
     }

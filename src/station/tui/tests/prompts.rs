@@ -28,7 +28,8 @@ pub(super) fn question(kind: QuestionKind, back: bool) -> Ask {
         zh: Some("TP4 处电表读数是多少？".into()),
         ru: Some("Что показывает прибор на TP4?".into()),
     };
-    let question = Question { name: "tp4".into(), words, kind, picture: Some("plans/tp4.png".into()) };
+    let picture = Some("plans/tp4.png".into());
+    let question = Question { name: "tp4".into(), words, kind, picture, picture_sha256: None };
     let question = Arc::new(question);
     Ask::Question(Box::new(QuestionAsked { question, limit: Some(limit.into()), back, problem: None }))
 }

@@ -3,10 +3,11 @@
 use gnc_executive::standing::Standing;
 use gnc_executive::text::duration;
 use ratatui::Frame;
-use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::layout::{Constraint, Layout, Rect, Size};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, BorderType, Clear};
+use ratatui_image::Image;
 
 use super::{detail, picture, style, text};
 use crate::files::ChangedFile;
@@ -14,11 +15,17 @@ use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::lang::fill;
 use crate::tui::model::{ASK_FROM_S, Glyphs, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
+use crate::tui::pictures::{self, DrawnPicture, PictureTrouble, PictureWanted};
+use crate::tui::session::pictures::MAX_MEGAPIXELS;
 
 /// Files that a question names; a plan with more is better looked at in its folder.
 const MAX_FILES: usize = 6;
 /// Width of a question.
 const WIDTH: u16 = 66;
+/// Least rows of a picture: in fewer nobody finds a test point.
+const MIN_PICTURE_ROWS: u16 = 6;
+/// Most rows of a picture: at the width of a question a photograph is no higher.
+const MAX_PICTURE_ROWS: u16 = 24;
 
 /// Draws the frame of a question and says where its content goes.
 fn over(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, title: &str, rows: u16) -> Rect {
@@ -144,36 +151,105 @@ pub(super) fn give_up(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, it
     question(model, frame, area, model.texts.stop_title, &[words]);
 }
 
+/// What stands in the question of a run, from top to bottom. On the smallest screen what must be done, the answer and its
+/// keys stay; the picture goes first, then the rest.
+struct PromptParts {
+    what: Vec<String>,
+    answer: Vec<String>,
+    /// Rows of the drawing of a request.
+    drawing_rows: u16,
+    /// Most cells of a question's own picture; `None` if it has none or there is no room.
+    picture: Option<Size>,
+    on_no: Vec<String>,
+    answers: Vec<Line<'static>>,
+    /// One row if there is room for more than what must stay.
+    gap: u16,
+}
+
+impl PromptParts {
+    fn of(model: &ScreenModel, area: Rect, prompt: &Prompt) -> Self {
+        let texts = model.texts;
+        let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
+        let mut what = text::wrap(&(texts.ask)(&prompt.ask), cells);
+        let mut on_no = text::wrap(&fill(texts.on_no, &[&text::shown(&prompt.item)]), cells);
+        let answers = answers(model, cells);
+        let answer = if prompt.takes_words() { text::wrap(&typed(model, prompt), cells) } else { Vec::new() };
+        let must_rows = (answers.len() + answer.len()) as u16;
+        text::shorten(&mut what, usize::from(area.height.saturating_sub(must_rows + 2)), cells);
+        let room = area.height.saturating_sub(what.len() as u16 + must_rows + 3);
+        let drawing_rows = picture::rows(&prompt.ask);
+        let drawing_rows = if drawing_rows + on_no.len() as u16 <= room { drawing_rows } else { 0 };
+        if on_no.len() as u16 + 1 > room {
+            on_no.clear();
+        }
+        let rows = room.saturating_sub(1 + on_no.len() as u16).min(MAX_PICTURE_ROWS);
+        let picture = (rows >= MIN_PICTURE_ROWS && cells > 1).then(|| Size::new(cells as u16, rows));
+        let picture = picture.filter(|_| prompt.question().is_some_and(|asked| asked.question.picture.is_some()));
+        Self { what, answer, drawing_rows, picture, on_no, answers, gap: u16::from(room > 0) }
+    }
+}
+
+/// The picture of the question, if the terminal can draw it and there is room.
+pub(super) fn picture_wanted(model: &ScreenModel, area: Rect) -> Option<PictureWanted> {
+    let prompt = model.run.as_ref()?.prompt.as_ref()?;
+    let question = &prompt.question()?.question;
+    let (path, graphics) = (question.picture.clone()?, pictures::graphics(model)?);
+    let room = PromptParts::of(model, area, prompt).picture?;
+    let (sha256, cell) = (question.picture_sha256.clone(), model.pictures.cell());
+    Some(PictureWanted { path, sha256, room, cell, graphics })
+}
+
+/// What of the question's picture is shown: itself, or words about it.
+enum PictureShown<'a> {
+    Drawn(&'a DrawnPicture),
+    Words(Vec<String>),
+}
+
+impl PictureShown<'_> {
+    fn rows(&self) -> u16 {
+        match self {
+            Self::Drawn(picture) => picture.size().height,
+            Self::Words(lines) => lines.len() as u16,
+        }
+    }
+}
+
+fn picture_shown<'a>(model: &'a ScreenModel, wanted: &PictureWanted) -> PictureShown<'a> {
+    let texts = model.texts;
+    let trouble = match model.pictures.made(wanted) {
+        Some(Ok(picture)) => return PictureShown::Drawn(picture),
+        None => texts.picture_loading.to_owned(),
+        Some(Err(PictureTrouble::Gone)) => texts.picture_gone.to_owned(),
+        Some(Err(PictureTrouble::Unreadable(why))) => fill(texts.picture_unreadable, &[&text::shown(&model.said(why))]),
+        Some(Err(PictureTrouble::Changed)) => texts.picture_changed.to_owned(),
+        Some(Err(PictureTrouble::OtherFormat)) => texts.picture_other_format.to_owned(),
+        Some(Err(PictureTrouble::Broken)) => texts.picture_broken.to_owned(),
+        Some(Err(PictureTrouble::TooLarge)) => fill(texts.picture_large, &[&MAX_MEGAPIXELS.to_string()]),
+    };
+    let cells = usize::from(wanted.room.width);
+    let mut lines = text::wrap(&trouble, cells);
+    text::shorten(&mut lines, usize::from(wanted.room.height), cells);
+    PictureShown::Words(lines)
+}
+
 /// The run asks for something.
 pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let Some(prompt) = model.run.as_ref().and_then(|run| run.prompt.as_ref()) else { return };
-    let cells = usize::from(WIDTH.min(area.width)).saturating_sub(4);
-    let mut what = text::wrap(&(texts.ask)(&prompt.ask), cells);
-    let on_no = text::wrap(&fill(texts.on_no, &[&text::shown(&prompt.item)]), cells);
-    let answers = answers(model, cells);
-    let answer_rows = answers.len() as u16;
-    let answer = if prompt.takes_words() { text::wrap(&typed(model, prompt), cells) } else { Vec::new() };
-    let typed_rows = answer.len() as u16;
-    text::shorten(&mut what, usize::from(area.height.saturating_sub(answer_rows + typed_rows + 2)), cells);
-    let (what_rows, mut on_no_rows) = (what.len() as u16, on_no.len() as u16);
-    // What must be done and the answers stay on the smallest screen; the picture goes first, then the rest.
-    let room = area.height.saturating_sub(what_rows + typed_rows + answer_rows + 3);
-    let picture_rows = picture::rows(&prompt.ask);
-    let picture_rows = if picture_rows + on_no_rows <= room { picture_rows } else { 0 };
-    if on_no_rows + 1 > room {
-        on_no_rows = 0;
-    }
+    let PromptParts { what, answer, drawing_rows, on_no, answers, gap, .. } = PromptParts::of(model, area, prompt);
+    let shown = picture_wanted(model, area).map(|wanted| picture_shown(model, &wanted));
+    let picture_rows = drawing_rows + shown.as_ref().map_or(0, PictureShown::rows);
     let title = format!("{}: {}", texts.prompt_title, text::shown(&prompt.item));
-    let place = over(model, frame, area, &title, what_rows + typed_rows + picture_rows + on_no_rows + answer_rows + 3);
+    let rows = (what.len() + answer.len() + on_no.len() + answers.len()) as u16 + picture_rows;
+    let place = over(model, frame, area, &title, rows + 3);
     let [what_area, typed_area, picture_area, since_area, no_area, _, answer_area] = Layout::vertical([
-        Constraint::Length(what_rows + u16::from(room > 0)),
-        Constraint::Length(typed_rows),
+        Constraint::Length(what.len() as u16 + gap),
+        Constraint::Length(answer.len() as u16),
         Constraint::Length(picture_rows),
-        Constraint::Length(u16::from(room > 0)),
-        Constraint::Length(on_no_rows),
+        Constraint::Length(gap),
+        Constraint::Length(on_no.len() as u16),
         Constraint::Fill(1),
-        Constraint::Length(answer_rows),
+        Constraint::Length(answers.len() as u16),
     ])
     .areas(place);
     let strong = |line| Line::styled(line, style::strong());
@@ -181,9 +257,14 @@ pub(super) fn prompt(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let turned = |line| Line::styled(line, style::accent(model.look));
     text::lines(frame, answer.into_iter().map(turned), typed_area);
     picture::draw(model, frame, picture_area, &prompt.ask);
+    let faint = |line| Line::styled(line, style::faint());
+    match shown {
+        Some(PictureShown::Drawn(picture)) => frame.render_widget(Image::new(&picture.0), picture_area),
+        Some(PictureShown::Words(lines)) => text::lines(frame, lines.into_iter().map(faint), picture_area),
+        None => {}
+    }
     let since = duration(model.now.since_start.saturating_sub(prompt.since).as_secs() as f64);
     text::lines(frame, [Line::styled(fill(texts.asked_since, &[&since]), style::faint())], since_area);
-    let faint = |line| Line::styled(line, style::faint());
     text::lines(frame, on_no.into_iter().map(faint), no_area);
     text::lines(frame, answers, answer_area);
 }
