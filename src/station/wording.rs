@@ -140,6 +140,10 @@ impl Wording {
 
     /// "1 passed, 2 failed": parts with a comma between them, and how many of them the table knows, at least one.
     fn list(&self, text: &str) -> Option<(String, usize)> {
+        // The clauses of a sentence are no list.
+        if text.contains(['(', ';']) || text.contains(": ") {
+            return None;
+        }
         let parts: Vec<&str> = text.split(", ").collect();
         let told: Vec<Cow<'_, str>> = parts
             .iter()

@@ -10,6 +10,8 @@ mod standing;
 mod zh;
 mod zh_catalogue;
 
+use std::borrow::Cow;
+
 use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
@@ -19,6 +21,7 @@ use gnc_executive::verdict::Verdict;
 
 use super::keymap::KeyAction;
 pub use crate::locale::Lang;
+use crate::phrases::in_language;
 pub(crate) use ask::answer_error;
 pub(crate) use standing::standing;
 
@@ -46,6 +49,8 @@ pub(crate) struct KeyText {
 /// All texts of one language. `{}` is a place to fill in.
 #[derive(Debug)]
 pub(crate) struct Texts {
+    /// The language.
+    pub lang: Lang,
     /// The language's own name.
     pub language: &'static str,
     // Pages and panels.
@@ -123,6 +128,9 @@ pub(crate) struct Texts {
     pub rejudged: &'static str,
     pub rejudged_short: &'static str,
     pub rejudged_long: &'static str,
+    pub late: &'static str,
+    pub late_short: &'static str,
+    pub late_long: &'static str,
     pub paused: &'static str,
     pub pausing: &'static str,
     pub stopping: &'static str,
@@ -345,6 +353,11 @@ pub(crate) struct Texts {
 }
 
 impl Texts {
+    /// The name of a capture, which the plan's item made, in this language.
+    pub(crate) fn capture<'a>(&self, name: &'a str) -> Cow<'a, str> {
+        in_language(name, self.lang)
+    }
+
     /// The end of a run in a word.
     pub(crate) fn word_of(&self, verdict: Verdict) -> &'static str {
         verdict.to_show().map_or(self.partial, self.outcome_word)
