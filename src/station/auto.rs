@@ -28,7 +28,6 @@ use crate::args::RunArgs;
 use crate::hook::Hooks;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::setup::{self, BenchHabits, Setup};
-use crate::tui::standing_in_words;
 pub(crate) use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
@@ -196,9 +195,7 @@ pub(crate) async fn all_rounds(
     }
     let serial_number = printable(&request.serial_number);
     match setup::standing(&records, &request.serial_number, &request.plan, bench) {
-        Ok(standing) => {
-            speaker.say_as_it_is(&format!("{serial_number}: {}", standing_in_words(speaker.lang(), &standing)))
-        }
+        Ok(standing) => speaker.say_as_it_is(&format!("{serial_number}: {}", speaker.lang().standing(&standing))),
         Err(error) => complain(
             format_args!("the standing of {serial_number} is not known: {}", with_causes(&error)),
             error.try_this(),

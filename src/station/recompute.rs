@@ -56,13 +56,13 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
     let papers = passports::check(folder, &fold(&again.events)?)?;
     let same = again.differences.is_empty() && papers.differences.is_empty();
     let mut out = Lines::to_stdout();
-    for line in problems.iter().map(|problem| format!("record: {problem}")).chain(again.differences.iter().cloned()) {
-        out.say(printable(&line));
+    for problem in &problems {
+        out.say_of(&out.wording.text("record"), printable(problem));
     }
-    for line in &papers.differences {
+    for line in again.differences.iter().chain(&papers.differences) {
         out.say(printable(line));
     }
-    out.say(format_args!("{}: {}{}", folder.display(), again.summary(same), papers.summary));
+    out.say_of(&folder.display().to_string(), format_args!("{}{}", again.summary(same), papers.summary));
     if problems.is_empty() && same {
         return Ok(ExitCode::SUCCESS);
     }

@@ -137,7 +137,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
             None => {}
         }
         for problem in &found.problems {
-            out.say(format_args!("{place}: {}", printable(problem)));
+            out.say_of(&place.to_string(), printable(problem));
         }
         bad += usize::from(!whole);
         newer += usize::from(whole && found.newer.is_some());
@@ -182,7 +182,7 @@ fn along_the_chain<W: std::io::Write>(records: &Path, out: &mut Lines<W>) -> Res
         late => out.say(format_args!("{late} runs of the chain were closed late and never count as a pass")),
     }
     for problem in &problems {
-        out.say(format_args!("chain: {}", printable(problem)));
+        out.say_of(&out.wording.text("chain"), printable(problem));
     }
     Ok(problems.len())
 }

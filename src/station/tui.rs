@@ -33,7 +33,6 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use gnc_bench::runner::Live;
-use gnc_executive::standing::Standing;
 use gnc_executive::verdict::Verdict;
 use gnc_records::resume::ResumeError;
 use gnc_records::store::reader;
@@ -50,14 +49,6 @@ use terminal::Guard;
 
 pub use lang::Lang;
 pub use scene::Scene;
-
-/// What the records say of a module, in a language.
-pub(crate) fn standing_in_words(lang: Lang, standing: &Standing) -> String {
-    match lang {
-        Lang::En => standing.to_string(),
-        Lang::Zh | Lang::Ru => lang::standing(lang.texts(), standing),
-    }
-}
 
 /// Largest number of events and answers that wait for a blocked terminal: more than any plan yields in a day.
 const MESSAGES: usize = 1 << 16;

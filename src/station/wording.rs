@@ -21,6 +21,9 @@ use crate::phrases::in_language;
 /// Begins the cell with what a person looks at when a measurement is bad.
 const LOOK_AT: &str = "look at: ";
 
+/// Words before a sentence that is looked up by itself: a place at the beginning of another one could take them in.
+const BEFORE: [&str; 2] = ["note: ", "DANGER: "];
+
 /// The language of lines, and the names that no language changes.
 #[derive(Clone, Debug)]
 pub(crate) struct Wording {
@@ -111,6 +114,9 @@ impl Wording {
         }
         if let Some((name, rest)) = name_before(text, &self.measurements) {
             return Cow::Owned(format!("{name} {}", self.cell(rest)));
+        }
+        if let Some((word, rest)) = BEFORE.iter().find_map(|word| Some((word, text.strip_prefix(word)?))) {
+            return Cow::Owned(in_language(&format!("{word}{}", self.cell(rest)), self.lang).into_owned());
         }
         // A place at the end of a sentence could take in a whole list.
         let list = self.list(text);
@@ -233,6 +239,13 @@ impl<W: Write> Lines<W> {
     /// Writes one or more lines. A reader that has seen enough is no error.
     pub(crate) fn say(&mut self, english: impl std::fmt::Display) {
         let _ = self.try_say(english);
+    }
+
+    /// Writes what is said of something: a run, a part of the records.
+    pub(crate) fn say_of(&mut self, what: &str, english: impl std::fmt::Display) {
+        let colon = if self.wording.lang == Lang::Zh { "：" } else { ": " };
+        let said = self.wording.text(&english.to_string());
+        let _ = writeln!(self.out, "{what}{colon}{said}");
     }
 
     /// Writes a line that is in the language already.

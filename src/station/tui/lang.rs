@@ -16,7 +16,7 @@ use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
-use gnc_executive::standing::Flaw;
+use gnc_executive::standing::{Flaw, Standing};
 use gnc_executive::verdict::Verdict;
 
 use super::keymap::KeyAction;
@@ -33,6 +33,14 @@ impl Lang {
             Lang::En => &en::TEXTS,
             Lang::Zh => &zh::TEXTS,
             Lang::Ru => &ru::TEXTS,
+        }
+    }
+
+    /// What the records say of a module.
+    pub(crate) fn standing(self, of: &Standing) -> String {
+        match self {
+            Lang::En => of.to_string(),
+            Lang::Zh | Lang::Ru => standing(self.texts(), of),
         }
     }
 }
