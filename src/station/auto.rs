@@ -5,6 +5,7 @@
 
 mod face;
 mod junit;
+mod speaker;
 
 use std::io::{self, IsTerminal as _};
 use std::path::Path;
@@ -31,6 +32,7 @@ pub(crate) use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
 pub(crate) use junit::JunitFile;
+use speaker::Speaker;
 
 /// Largest number of events that wait for a blocked terminal: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;
@@ -153,8 +155,9 @@ pub(crate) async fn all_rounds(
     let hooks = habits.hook.clone().map(|hook| Hooks::start(hook, complain_of_hook));
     let hooks =
         hooks.transpose().map_err(|error| CommandRefusal::new(format!("cannot start the hook: {error}"), ""))?;
+    let speaker = Speaker::new(args.events, request.plan.plan(), &request.serial_number);
     let mut shown = Shown {
-        events_to_stdout: args.events,
+        speaker: &speaker,
         bell: habits.bell,
         serial_number: &request.serial_number,
         control: &control,
@@ -188,11 +191,11 @@ pub(crate) async fn all_rounds(
         }
     }
     if done.verdicts.len() > 1 {
-        face::say(args.events, &format!("{} rounds: {}", done.verdicts.len(), counts(&done.verdicts)));
+        speaker.say(&format!("{} rounds: {}", done.verdicts.len(), counts(&done.verdicts)));
     }
     let serial_number = printable(&request.serial_number);
     match setup::standing(&records, &request.serial_number, &request.plan, bench) {
-        Ok(standing) => face::say(args.events, &format!("{serial_number}: {standing}")),
+        Ok(standing) => speaker.say_as_it_is(&format!("{serial_number}: {}", speaker.lang().standing(&standing))),
         Err(error) => complain(
             format_args!("the standing of {serial_number} is not known: {}", with_causes(&error)),
             error.try_this(),
@@ -214,7 +217,7 @@ fn refusal(error: &ServiceError) -> CommandRefusal {
 
 /// Shows each round, on a thread of its own.
 struct Shown<'a> {
-    events_to_stdout: bool,
+    speaker: &'a Speaker,
     /// Whether the terminal rings at verdicts and questions.
     bell: bool,
     serial_number: &'a str,
@@ -228,7 +231,7 @@ struct Shown<'a> {
 impl Observer for Shown<'_> {
     fn begin(&mut self, folder: &RunFolder) -> io::Result<Watcher> {
         let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
-        self.face = Some(Face::start(events, self.live, (self.events_to_stdout, self.bell), folder.clone())?);
+        self.face = Some(Face::start(events, self.live, self.speaker.clone(), self.bell, folder.clone())?);
         Ok(Box::new(move |event| watcher.try_send(event.clone()).is_ok()))
     }
 

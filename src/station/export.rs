@@ -5,7 +5,6 @@ mod parquet;
 mod table;
 
 use std::fs::{self, File};
-use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -20,6 +19,7 @@ use gnc_text::{printable, with_causes};
 use self::table::{SampleTable, TableKind};
 use crate::records::{self, RecordsArgs};
 use crate::refusal::{complain, refuse};
+use crate::wording::Lines;
 
 /// The form of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -132,7 +132,7 @@ fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportEr
     }
     on(fs::create_dir_all(out), "create", out)?;
     let mut found: Vec<Doubt> = newer(folder).into_iter().collect();
-    let mut told = io::stdout().lock();
+    let mut told = Lines::to_stdout();
     for file in files {
         let record = captures::read(&file)?;
         let item = file.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
@@ -152,7 +152,7 @@ fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportEr
                     .map_err(|source| ExportError::Parquet { path: path.clone(), source })?,
             }
             let samples: usize = captures.iter().map(|capture| kind.samples(capture)).sum();
-            let _ = writeln!(told, "{}: {} captures, {samples} samples", path.display(), captures.len());
+            told.say(format_args!("{}: {} captures, {samples} samples", path.display(), captures.len()));
         }
         found.extend(doubts(&file, &record));
     }

@@ -25,6 +25,7 @@ mod serial_number;
 mod setup;
 mod tui;
 mod version;
+mod wording;
 
 pub use phrases::page as messages_page;
 pub use tui::{Lang, Scene};

@@ -86,7 +86,9 @@ impl Phrases {
         let takes_more = whole.as_ref().is_some_and(|(entry, values)| entry.english.takes_joint(values));
         let parts = if whole.is_none() || takes_more { self.in_parts(text, left) } else { None };
         match (whole, parts) {
-            (Some(_), Some(Parts { text, known: true })) | (None, Some(Parts { text, .. })) => Some(text),
+            (Some(_), Some(Parts { text, known: true, .. })) | (None, Some(Parts { text, .. })) => Some(text),
+            // Words of its own tell more of what a text is than places that take anything.
+            (Some((entry, _)), Some(Parts { text, first, .. })) if first > entry.english.own_bytes() => Some(text),
             (Some((entry, values)), _) => Some(self.filled(entry, &values, left)),
             (None, None) => None,
         }
@@ -120,7 +122,9 @@ impl Phrases {
         for (at, sign, zh) in places {
             let (before, after) = (&text[..at], &text[at + sign.len()..]);
             let shown = if self.lang == Lang::Zh { zh } else { sign };
-            let first = self.whole(before).map(|(entry, values)| self.filled(entry, &values, left));
+            let first = self.whole(before);
+            let own_bytes = first.as_ref().map_or(0, |(entry, _)| entry.english.own_bytes());
+            let first = first.map(|(entry, values)| self.filled(entry, &values, left));
             // What stands before a colon is often a name.
             if first.is_none() && sign != ": " {
                 continue;
@@ -132,7 +136,7 @@ impl Phrases {
                 continue;
             }
             let (first, second) = (first.as_deref().unwrap_or(before), second.as_deref().unwrap_or(after));
-            let parts = Parts { text: format!("{first}{shown}{second}"), known };
+            let parts = Parts { text: format!("{first}{shown}{second}"), known, first: own_bytes };
             if known {
                 return Some(parts);
             }
@@ -147,6 +151,8 @@ struct Parts {
     text: String,
     /// Whether the table knows the sentences on both sides of the joint.
     known: bool,
+    /// Bytes of the first sentence's own words.
+    first: usize,
 }
 
 /// What joins two sentences, and its Chinese form.

@@ -7,7 +7,6 @@ mod limits;
 mod passports;
 mod source;
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -19,6 +18,7 @@ use gnc_text::{printable, with_causes};
 
 use crate::records::RecordsArgs;
 use crate::refusal::{complain, refuse};
+use crate::wording::Lines;
 use crate::{exit_code, files, records};
 use again::Again;
 use source::{RecordedRun, RunError};
@@ -55,14 +55,14 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
     let again = again::judge(&run, &plan, None)?;
     let papers = passports::check(folder, &fold(&again.events)?)?;
     let same = again.differences.is_empty() && papers.differences.is_empty();
-    let mut out = std::io::stdout().lock();
-    for line in problems.iter().map(|problem| format!("record: {problem}")).chain(again.differences.iter().cloned()) {
-        let _ = writeln!(out, "{}", printable(&line));
+    let mut out = Lines::to_stdout();
+    for problem in &problems {
+        out.say_of(&out.wording.text("record"), printable(problem));
     }
-    for line in &papers.differences {
-        let _ = writeln!(out, "{}", printable(line));
+    for line in again.differences.iter().chain(&papers.differences) {
+        out.say(printable(line));
     }
-    let _ = writeln!(out, "{}: {}{}", folder.display(), again.summary(same), papers.summary);
+    out.say_of(&folder.display().to_string(), format_args!("{}{}", again.summary(same), papers.summary));
     if problems.is_empty() && same {
         return Ok(ExitCode::SUCCESS);
     }
@@ -86,12 +86,12 @@ fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
     let plan = plan.plan();
     let again = again::judge(&run, plan, Some(of))?;
     let path = file(folder, plan, &again)?;
-    let mut out = std::io::stdout().lock();
+    let mut out = Lines::to_stdout();
     for line in &again.differences {
-        let _ = writeln!(out, "{}", printable(line));
+        out.say(printable(line));
     }
-    let _ = writeln!(out, "{}, re-judged by {} {}: {}", folder.display(), plan.name, plan.version, again.verdict);
-    let _ = writeln!(out, "record: {}", path.display());
+    out.say(format_args!("{}, re-judged by {} {}: {}", folder.display(), plan.name, plan.version, again.verdict));
+    out.say(format_args!("record: {}", path.display()));
     Ok(exit_code::of(again.verdict, exit_code::Strictness::Lenient))
 }
 

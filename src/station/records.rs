@@ -3,7 +3,6 @@
 mod list;
 mod place;
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -17,6 +16,7 @@ use gnc_text::printable;
 
 use crate::args::RecordsCommand;
 use crate::refusal::{CommandRefusal, complain, refuse};
+use crate::wording::{Lines, Wording, padded};
 pub(crate) use place::RecordsArgs;
 use place::RecordsPlace;
 
@@ -42,13 +42,12 @@ pub(crate) fn run(what: &RecordsCommand, records: &RecordsArgs) -> ExitCode {
 fn make_key(file: &Path) -> ExitCode {
     match StationKey::create(file) {
         Ok(public) => {
-            let mut out = std::io::stdout().lock();
-            let _ = writeln!(
-                out,
+            let mut out = Lines::to_stdout();
+            out.say(format_args!(
                 "{}: name this private key as key under [station] in the bench file, and keep it secret",
                 file.display()
-            );
-            let _ = writeln!(out, "{}: give this public key to the people who verify records", public.display());
+            ));
+            out.say(format_args!("{}: give this public key to the people who verify records", public.display()));
             ExitCode::SUCCESS
         }
         Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
@@ -56,23 +55,32 @@ fn make_key(file: &Path) -> ExitCode {
 }
 
 /// The line of a run, with the word for its outcome or state, and how its record is kept.
-fn summary(word: &str, run: &RunRecord, kept: Seal) -> String {
-    let mut remarks: String = text::caveats(run).iter().map(|caveat| format!(" {caveat}")).collect();
+fn summary(wording: &Wording, word: &str, run: &RunRecord, kept: Seal) -> String {
+    let mut remarks = text::caveats(run);
     if let Seal::Flawed(flaw) = kept {
-        remarks.push_str(&format!(" {}", flaw.words().unwrap_or_default()));
+        remarks.push(flaw.words().unwrap_or_default());
     }
+    let remarks: String = remarks.iter().map(|remark| format!(" {}", wording.text(remark))).collect();
+    let word = state(wording, word);
     let (serial_number, plan) = (printable(&run.serial_number), printable(&run.plan.name));
-    format!("{word:<12}{}  {serial_number:<16} {plan:<12}{remarks:<20}", run.started.format("%F %T"))
+    let (serial_number, plan, remarks) = (padded(&serial_number, 16), padded(&plan, 12), padded(&remarks, 20));
+    format!("{word}{}  {serial_number} {plan}{remarks}", run.started.format("%F %T"))
+}
+
+/// The word of a list for an outcome or a state, as wide as its column.
+fn state(wording: &Wording, word: &str) -> String {
+    padded(&wording.text(word), 12)
 }
 
 fn show(folder: &Path) -> ExitCode {
     match reader::read(folder) {
         Ok(run) => {
-            let mut out = std::io::stdout().lock();
-            let _ = out.write_all(text::log_txt(&run).as_bytes());
+            let mut out = Lines::to_stdout();
+            out.wording.keep_names_of(&run);
+            out.say(text::log_txt(&run).trim_end_matches('\n'));
             // The journal cannot tell it. Whoever wants to know why the chain cannot be read verifies the run.
             if let Ok(Some(late)) = LateCloses::default().of(folder) {
-                let _ = writeln!(out, "\nCLOSED LATE: {}", printable(&late.in_words()));
+                out.say(format_args!("\nCLOSED LATE: {}", printable(&late.in_words())));
             }
             ExitCode::SUCCESS
         }
@@ -81,7 +89,7 @@ fn show(folder: &Path) -> ExitCode {
 }
 
 fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<ExitCode, CommandRefusal> {
-    let mut out = std::io::stdout().lock();
+    let mut out = Lines::to_stdout();
     let all = if runs.is_empty() { Some(records.find()?) } else { None };
     let folders = match &all {
         Some(place) => reader::paths(&place.path).map_err(|error| store_refusal(&error))?,
@@ -104,12 +112,12 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
         let place = folder.display();
         if found.running {
             running += 1;
-            let _ = writeln!(out, "{place}: running: its record can be verified when the run has ended");
+            out.say(format_args!("{place}: running: its record can be verified when the run has ended"));
             continue;
         }
         if found.never_begun {
             never_begun += 1;
-            let _ = writeln!(out, "{place}: {}", ReadError::NeverBegun);
+            out.say(format_args!("{place}: {}", ReadError::NeverBegun));
             continue;
         }
         found.problems.extend(key.and_then(|key| reader::verify_signature(folder, key)));
@@ -118,24 +126,24 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
         if let Some(late) = &late {
             let now =
                 if whole { "its files are as the journal left them" } else { "its files were changed after that" };
-            let _ = writeln!(out, "{place}: {}; {now}", printable(&late.in_words()));
+            out.say(format_args!("{place}: {}; {now}", printable(&late.in_words())));
         }
-        let _ = match &found.newer {
+        match &found.newer {
             Some(why) if whole => {
-                writeln!(out, "{place}: {why}: its digests agree, but this version cannot compare its journal")
+                out.say(format_args!("{place}: {why}: its digests agree, but this version cannot compare its journal"));
             }
-            Some(why) => writeln!(out, "{place}: {why}"),
-            None if whole && late.is_none() => writeln!(out, "{place}: as written"),
-            None => Ok(()),
-        };
+            Some(why) => out.say(format_args!("{place}: {why}")),
+            None if whole && late.is_none() => out.say(format_args!("{place}: as written")),
+            None => {}
+        }
         for problem in &found.problems {
-            let _ = writeln!(out, "{place}: {}", printable(problem));
+            out.say_of(&place.to_string(), printable(problem));
         }
         bad += usize::from(!whole);
         newer += usize::from(whole && found.newer.is_some());
     }
     let (whole, ended) = (folders.len() - bad - newer - running - never_begun, folders.len() - running - never_begun);
-    let _ = writeln!(out, "{whole} of {ended} runs are as written");
+    out.say(format_args!("{whole} of {ended} runs are as written"));
     if let Some(place) = &all {
         bad += along_the_chain(&place.path, &mut out).map_err(|error| store_refusal(&error))?;
     }
@@ -158,7 +166,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> R
 }
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.
-fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usize, StoreError> {
+fn along_the_chain<W: std::io::Write>(records: &Path, out: &mut Lines<W>) -> Result<usize, StoreError> {
     let chain::ChainCheck { runs, first, problems, late } = chain::verify(records)?;
     if problems.is_empty() && runs > 0 {
         let elsewhere = if first > 1 {
@@ -166,15 +174,15 @@ fn along_the_chain(records: &Path, out: &mut impl std::io::Write) -> Result<usiz
         } else {
             String::new()
         };
-        let _ = writeln!(out, "the chain of {runs} closed runs is whole{elsewhere}");
+        out.say(format_args!("the chain of {runs} closed runs is whole{elsewhere}"));
     }
     match late {
         0 => {}
-        1 => drop(writeln!(out, "1 run of the chain was closed late and never counts as a pass")),
-        late => drop(writeln!(out, "{late} runs of the chain were closed late and never count as a pass")),
+        1 => out.say("1 run of the chain was closed late and never counts as a pass"),
+        late => out.say(format_args!("{late} runs of the chain were closed late and never count as a pass")),
     }
     for problem in &problems {
-        let _ = writeln!(out, "chain: {}", printable(problem));
+        out.say_of(&out.wording.text("chain"), printable(problem));
     }
     Ok(problems.len())
 }

@@ -6,9 +6,12 @@ Usage: relay.py STATION_PROGRAM BOARD_PROGRAM
 Two pseudo-terminals that socat joins, opened by both ends as serial ports: nobody on the line is ours. Prints a line per
 check. Every wait has a deadline.
 """
-import json, pathlib, re, subprocess, sys, tempfile, time
+import os, json, pathlib, re, subprocess, sys, tempfile, time
 
 from host import check, results, stop
+
+# The station's lines are in the language of the locale, and this reads them in English.
+os.environ["LC_ALL"] = "C.UTF-8"
 
 PLAN = pathlib.Path(__file__).resolve().parent.parent.parent / 'test-plans' / 'functional.toml'
 # A person has to turn the module for the one, and the board has no bus for the other.

@@ -17,6 +17,9 @@ use gnc_text::printable;
 use terminal_size::terminal_size_of;
 use tokio::sync::watch;
 
+use super::speaker::Speaker;
+use crate::wording::width;
+
 /// How often a bar moves.
 const BAR_EVERY: Duration = Duration::from_millis(100);
 /// How often a line reports the progress, if there is no terminal for a bar.
@@ -33,12 +36,13 @@ impl Face {
     pub(super) fn start(
         events: Receiver<Event>,
         live: &Live,
-        (events_to_stdout, bell): (bool, bool),
+        speaker: Speaker,
+        bell: bool,
         folder: RunFolder,
     ) -> io::Result<Self> {
-        let terminal = if events_to_stdout { io::stderr().is_terminal() } else { io::stdout().is_terminal() };
+        let terminal = if speaker.events_to_stdout() { io::stderr().is_terminal() } else { io::stdout().is_terminal() };
         let writer = Writer {
-            events_to_stdout,
+            speaker,
             terminal,
             bell: bell && terminal,
             live: live.doing.subscribe(),
@@ -62,7 +66,7 @@ impl Face {
 }
 
 struct Writer {
-    events_to_stdout: bool,
+    speaker: Speaker,
     terminal: bool,
     /// Whether the terminal rings at verdicts and questions.
     bell: bool,
@@ -85,7 +89,7 @@ impl Writer {
     }
 
     fn event(&mut self, event: &Event) {
-        if self.events_to_stdout {
+        if self.speaker.events_to_stdout() {
             let mut out = io::stdout().lock();
             // A reader that is gone must not stop the test.
             let _ = serde_json::to_writer(&mut out, event).map_err(io::Error::from).and_then(|()| writeln!(out));
@@ -97,6 +101,9 @@ impl Writer {
         }
         match &event.kind {
             EventKind::RunStarted { header, .. } => {
+                if let Some(record) = RunRecord::from_state(&self.state) {
+                    self.speaker.keep_names_of(&record);
+                }
                 let plan = &header.plan;
                 self.say(&format!(
                     "{} {} for {} on station {}",
@@ -126,18 +133,23 @@ impl Writer {
                 ));
             }
             EventKind::LimitsChosen(chosen) => self.say(&format!("limits: {chosen}")),
-            EventKind::Prompted { text, question: Some(_), .. } => {
-                self.say(&format!(">> {}", printable(text)));
+            EventKind::Prompted { text, question: Some(name), .. } => {
+                let asked = self.speaker.question(name, text);
+                self.wipe();
+                self.speaker.say_as_it_is(&format!(">> {asked}"));
                 self.ring();
             }
             EventKind::Prompted { text, .. } if !self.answered_by_itself() => {
-                self.say(&format!(">> {} (n and Enter: not possible)", printable(text)));
+                let asked = self.speaker.request(text);
+                self.wipe();
+                self.speaker.say(&format!(">> {asked} (n and Enter: not possible)"));
                 self.ring();
             }
             EventKind::ItemEnded { item, .. } => {
                 if let Some(row) = self.state.row(item) {
-                    let line = text::item_line(&ItemRecord::from(row));
-                    self.say(&line);
+                    let item = ItemRecord::from(row);
+                    self.speaker.keep_names_of_item(&item);
+                    self.say(&text::item_line(&item));
                 }
             }
             EventKind::Note { level: NoteLevel::Warning | NoteLevel::Error, text, .. } => {
@@ -199,8 +211,8 @@ impl Writer {
         let line = each.join("   ");
         if self.terminal {
             // Keep to one line: more than one could not be wiped.
-            let line: String = line.chars().take(self.columns()).collect();
-            self.write(&format!("\r\x1b[K{line}"));
+            let line = first_columns(&self.speaker.words(&line), self.columns());
+            self.speaker.write(&format!("\r\x1b[K{line}"));
             self.bar_drawn = true;
         } else if Instant::now() >= self.line_due {
             self.line_due = Instant::now() + LINE_EVERY;
@@ -209,41 +221,42 @@ impl Writer {
     }
 
     fn columns(&self) -> usize {
-        let size = if self.events_to_stdout { terminal_size_of(io::stderr()) } else { terminal_size_of(io::stdout()) };
+        let size = if self.speaker.events_to_stdout() {
+            terminal_size_of(io::stderr())
+        } else {
+            terminal_size_of(io::stdout())
+        };
         size.map_or(80, |(width, _)| usize::from(width.0)).saturating_sub(1)
     }
 
     fn say(&mut self, line: &str) {
         self.wipe();
-        self.write(&format!("{line}\n"));
+        self.speaker.say(line);
     }
 
     fn ring(&self) {
         if self.bell {
-            self.write("\x07");
+            self.speaker.write("\x07");
         }
     }
 
     fn wipe(&mut self) {
         if std::mem::take(&mut self.bar_drawn) {
-            self.write("\r\x1b[K");
+            self.speaker.write("\r\x1b[K");
         }
     }
-
-    fn write(&self, text: &str) {
-        write(self.events_to_stdout, text);
-    }
 }
 
-/// A line for people, while no run is shown.
-pub(super) fn say(events_to_stdout: bool, line: &str) {
-    write(events_to_stdout, &format!("{line}\n"));
-}
-
-/// Writes a text. A terminal that is gone must not stop the test.
-fn write(events_to_stdout: bool, text: &str) {
-    let mut out: Box<dyn Write> = if events_to_stdout { Box::new(io::stderr()) } else { Box::new(io::stdout()) };
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+/// As much of a line as so many columns hold.
+fn first_columns(line: &str, columns: usize) -> String {
+    let mut left = columns;
+    let fits = |character: &char| {
+        let cells = width(character.encode_utf8(&mut [0; 4]));
+        let fits = cells <= left;
+        left = left.saturating_sub(cells);
+        fits
+    };
+    line.chars().take_while(fits).collect()
 }
 
 /// A wait for the module's heat: "25.3 degC, waits for 28.0 degC, about 4 min 10 s".

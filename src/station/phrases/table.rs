@@ -5,14 +5,16 @@ use std::sync::LazyLock;
 
 use serde::Deserialize;
 
-const FILES: [(&str, &str); 9] = [
+const FILES: [(&str, &str); 11] = [
     ("analysis", include_str!("analysis.toml")),
     ("bench", include_str!("bench.toml")),
     ("board", include_str!("board.toml")),
     ("executive", include_str!("executive.toml")),
     ("link", include_str!("link.toml")),
+    ("listing", include_str!("listing.toml")),
     ("metrology", include_str!("metrology.toml")),
     ("os", include_str!("os.toml")),
+    ("progress", include_str!("progress.toml")),
     ("records", include_str!("records.toml")),
     ("station", include_str!("station.toml")),
 ];

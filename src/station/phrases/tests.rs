@@ -41,6 +41,15 @@ fn a_value_does_not_take_in_what_follows() {
     );
 }
 
+/// A sentence with many words of its own counts more than one that takes in any text.
+#[test]
+fn a_cause_that_nobody_knows_leaves_its_sentence() {
+    assert_eq!(
+        in_language("line 7 of the journal is not an event: words of a library", Lang::Ru),
+        in_language("line 7 of the journal is not an event", Lang::Ru) + ": words of a library"
+    );
+}
+
 #[test]
 fn what_the_table_does_not_know_stays_as_it_is() {
     for text in ["", "x", ": ", "; ; ;", "SN-0001", "a sentence of a later version", "{port}"] {

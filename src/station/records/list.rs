@@ -15,6 +15,7 @@ use gnc_text::printable;
 use super::place::RecordsPlace;
 use crate::args::ListArgs;
 use crate::refusal::refuse;
+use crate::wording::Lines;
 use table::Line;
 
 impl ListArgs {
@@ -62,7 +63,7 @@ pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
     } else if args.csv {
         table::csv(out, records, runs)
     } else {
-        for_people(out, place, args, runs)
+        for_people(Lines::new(out), place, args, runs)
     };
     match written {
         Ok(()) => ExitCode::SUCCESS,
@@ -90,8 +91,8 @@ fn as_json(mut out: impl Write, records: &Path, runs: impl Iterator<Item = Found
     out.flush()
 }
 
-fn for_people(
-    mut out: impl Write,
+fn for_people<W: Write>(
+    mut out: Lines<W>,
     place: &RecordsPlace,
     args: &ListArgs,
     runs: impl Iterator<Item = FoundRun>,
@@ -104,16 +105,20 @@ fn for_people(
             Ok(run) => {
                 // The word for a run that is not closed stands before.
                 let kept = kept(&found, &mut seals)?.unwrap_or(Seal::Chained);
-                super::summary(word(&found), run, kept)
+                super::summary(&out.wording, word(&found), run, kept)
             }
-            Err(_) if found.running => word(&found).to_owned(),
-            Err(error) => format!("{:<12}{}", word(&found), printable(&gnc_text::with_causes(error))),
+            Err(_) if found.running => out.wording.text(word(&found)),
+            Err(error) => {
+                let why = printable(&gnc_text::with_causes(error)).into_owned();
+                format!("{}{}", super::state(&out.wording, word(&found)), out.wording.text(&why))
+            }
         };
-        writeln!(out, "{line}  {}", printable(&found.place(&place.path)))?;
+        // Its cells have their words already, and serial numbers are no words.
+        out.say_as_it_is(format_args!("{line}  {}", printable(&found.place(&place.path))))?;
     }
     if none {
         let such = if args.wants_all() { "no run" } else { "no such run" };
-        writeln!(out, "{such} is recorded in {}", place.in_words())?;
+        out.try_say(format_args!("{such} is recorded in {}", place.in_words()))?;
     }
     out.flush()
 }

@@ -9,6 +9,8 @@ mod ru_catalogue;
 mod zh;
 mod zh_catalogue;
 
+use std::borrow::Cow;
+
 use gnc_bench::fixture::Ask;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::event::NoteLevel;
@@ -17,6 +19,7 @@ use gnc_executive::verdict::Verdict;
 
 use super::keymap::KeyAction;
 pub use crate::locale::Lang;
+use crate::phrases::in_language;
 
 impl Lang {
     /// Its texts.
@@ -26,6 +29,14 @@ impl Lang {
             Lang::En => &en::TEXTS,
             Lang::Zh => &zh::TEXTS,
             Lang::Ru => &ru::TEXTS,
+        }
+    }
+
+    /// What the records say of a module.
+    pub(crate) fn standing(self, of: &Standing) -> String {
+        match self {
+            Lang::En => of.to_string(),
+            Lang::Zh | Lang::Ru => standing(self.texts(), of),
         }
     }
 }
@@ -42,6 +53,8 @@ pub(crate) struct KeyText {
 /// All texts of one language. `{}` is a place to fill in.
 #[derive(Debug)]
 pub(crate) struct Texts {
+    /// The language.
+    pub lang: Lang,
     /// The language's own name.
     pub language: &'static str,
     // Pages and panels.
@@ -119,6 +132,9 @@ pub(crate) struct Texts {
     pub rejudged: &'static str,
     pub rejudged_short: &'static str,
     pub rejudged_long: &'static str,
+    pub late: &'static str,
+    pub late_short: &'static str,
+    pub late_long: &'static str,
     pub paused: &'static str,
     pub pausing: &'static str,
     pub stopping: &'static str,
@@ -331,6 +347,11 @@ pub(crate) struct Texts {
 }
 
 impl Texts {
+    /// The name of a capture, which the plan's item made, in this language.
+    pub(crate) fn capture<'a>(&self, name: &'a str) -> Cow<'a, str> {
+        in_language(name, self.lang)
+    }
+
     /// The end of a run in a word.
     pub(crate) fn word_of(&self, verdict: Verdict) -> &'static str {
         verdict.to_show().map_or(self.partial, self.outcome_word)

@@ -27,6 +27,8 @@ pub(crate) struct Day {
 pub(crate) enum RunMark {
     /// The run ended so, and its folder was closed.
     Ended(Verdict),
+    /// The run ended so, and its folder was closed by a later start of a station: it never counts as a pass.
+    Late(Verdict),
     /// The run has no end.
     Interrupted,
     /// Its folder was not closed.
@@ -41,7 +43,7 @@ impl RunMark {
     /// The mark in a word.
     pub(crate) fn word(self, texts: &Texts) -> &'static str {
         match self {
-            Self::Ended(verdict) => texts.word_of(verdict),
+            Self::Ended(verdict) | Self::Late(verdict) => texts.word_of(verdict),
             Self::Interrupted => texts.interrupted,
             Self::Unsealed => texts.unsealed,
             Self::Unreadable => texts.unreadable,
@@ -134,7 +136,9 @@ impl Records {
         lines
             .filter(|line| match (self.filter, line.mark) {
                 (None, _) => true,
-                (Some(wanted), RunMark::Ended(verdict)) => wanted.to_show() == verdict.to_show(),
+                (Some(wanted), RunMark::Ended(verdict) | RunMark::Late(verdict)) => {
+                    wanted.to_show() == verdict.to_show()
+                }
                 // A run without an end or a seal does not pass; the filter for aborted runs shows it.
                 (Some(wanted), _) => wanted.to_show() == Some(Outcome::Aborted),
             })

@@ -382,6 +382,24 @@ fn a_second_judgement_is_marked() {
     }
 }
 
+/// A run that was closed by a later start is marked in the list at each width, and its pass looks like none.
+#[test]
+fn a_late_close_is_marked() {
+    for lang in Lang::ALL {
+        let texts = lang.texts();
+        let mut scene = Scene::new(lang, 160, 50).expect("memory");
+        scenes::late(&mut scene);
+        for (width, word) in [(160, texts.late), (80, texts.late_short)] {
+            scene.resize(width, 24);
+            let text = scene.text();
+            let row = |number: &str| text.lines().find(|line| line.contains(number)).unwrap_or_default();
+            let (late, in_time) = (row("DEMO-1"), row("DEMO-2"));
+            assert!(late.contains(word) && late.contains('?') && !late.contains('✓'), "{lang:?}: {late}");
+            assert!(!in_time.contains(word) && in_time.contains('✓'), "{lang:?}: {in_time}");
+        }
+    }
+}
+
 /// A run whose record could not be written does not pass, whatever its items say.
 #[test]
 fn a_lost_record_is_no_pass() {

@@ -82,7 +82,10 @@ impl AskTexts {
                 [vec![self.look_over.to_owned()], each.collect()].concat().join(self.between)
             }
             Ask::Resumed { over, next } => {
-                let names = |captures: &[String]| gnc_text::printable(&TakenOver::names(captures)).into_owned();
+                let names = |captures: &[String]| {
+                    let each: Vec<_> = captures.iter().map(|name| texts.capture(name).into_owned()).collect();
+                    gnc_text::printable(&TakenOver::names(&each)).into_owned()
+                };
                 let taken = fill(self.taken_over, &[&names(&over.taken)]);
                 let left = fill(self.left, &[&names(&over.left)]);
                 [taken, left, self.action(texts, next)].join(self.between)

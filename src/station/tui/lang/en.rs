@@ -6,10 +6,11 @@ use gnc_executive::event::NoteLevel;
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::verdict::Verdict;
 
-use super::{KeyText, Texts};
+use super::{KeyText, Lang, Texts};
 use crate::tui::keymap::KeyAction;
 
 pub(super) static TEXTS: Texts = Texts {
+    lang: Lang::En,
     language: "English",
     tests: "Tests",
     live: "Live",
@@ -70,6 +71,9 @@ pub(super) static TEXTS: Texts = Texts {
     rejudged: "RE-JUDGED",
     rejudged_short: "RJ",
     rejudged_long: "RE-JUDGED (samples of {}): the module was not tested again",
+    late: "CLOSED LATE",
+    late_short: "LC",
+    late_long: "CLOSED LATE (its station had ended before): this is never a pass",
     paused: "PAUSED",
     pausing: "pausing when items end",
     stopping: "STOPPING",

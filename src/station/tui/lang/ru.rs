@@ -7,10 +7,11 @@ use gnc_executive::verdict::Verdict;
 
 use super::ask::AskTexts;
 use super::ru_catalogue::{item_title, look_at_sentence};
-use super::{KeyText, Texts, fill};
+use super::{KeyText, Lang, Texts, fill};
 use crate::tui::keymap::KeyAction;
 
 pub(super) static TEXTS: Texts = Texts {
+    lang: Lang::Ru,
     language: "Русский",
     tests: "Тесты",
     live: "Данные",
@@ -71,6 +72,9 @@ pub(super) static TEXTS: Texts = Texts {
     rejudged: "ПЕРЕОЦЕНКА",
     rejudged_short: "ПЕР",
     rejudged_long: "ПЕРЕОЦЕНКА (отсчёты {}): модуль заново не проверялся",
+    late: "ЗАКРЫТ ПОЗЖЕ",
+    late_short: "ПОЗ",
+    late_long: "ЗАКРЫТ ПОЗЖЕ (станция остановилась раньше): годным не считается",
     paused: "ПАУЗА",
     pausing: "пауза после проверок",
     stopping: "ОСТАНОВКА",

@@ -7,10 +7,11 @@ use gnc_executive::verdict::Verdict;
 
 use super::ask::AskTexts;
 use super::zh_catalogue::{item_title, look_at_sentence};
-use super::{KeyText, Texts, fill};
+use super::{KeyText, Lang, Texts, fill};
 use crate::tui::keymap::KeyAction;
 
 pub(super) static TEXTS: Texts = Texts {
+    lang: Lang::Zh,
     language: "中文",
     tests: "测试",
     live: "实时",
@@ -71,6 +72,9 @@ pub(super) static TEXTS: Texts = Texts {
     rejudged: "重新判定",
     rejudged_short: "重",
     rejudged_long: "重新判定（{} 的采样）：模块没有重新测试",
+    late: "事后封存",
+    late_short: "迟",
+    late_long: "事后封存（测试台在此之前已结束）：永不算合格",
     paused: "已暂停",
     pausing: "当前项目完成后暂停",
     stopping: "正在停止",

@@ -8,6 +8,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_records::store;
+use gnc_records::store::chain::LateCloses;
 use gnc_records::store::head::RunHead;
 use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::with_causes;
@@ -40,14 +41,15 @@ pub(super) fn days(records: &Path) -> Result<Vec<Day>, String> {
 /// Runs of a day, by serial number and time.
 pub(super) fn runs(records: &Path, day: String) -> Result<Runs, String> {
     let (found, cut) = reader::of_day(records, &day, MAX_RUNS).map_err(|error| with_causes(&error))?;
-    let mut lines: Vec<RunLine> = found.into_iter().map(line).collect();
+    let mut late_closes = LateCloses::default();
+    let mut lines: Vec<RunLine> = found.into_iter().map(|found| line(found, &mut late_closes)).collect();
     lines.sort_by(|a, b| a.serial_number.cmp(&b.serial_number).then(a.at.cmp(&b.at)));
     Ok(Runs { day, lines, cut })
 }
 
-fn line(found: reader::FoundRun) -> RunLine {
+fn line(found: reader::FoundRun, late_closes: &mut LateCloses) -> RunLine {
     let mark = match &found.run {
-        Ok(run) => mark(run, found.sealed),
+        Ok(run) => mark(run, &found.path, found.sealed, late_closes),
         Err(error) if error.is_newer() => RunMark::Newer,
         Err(_) => RunMark::Unreadable,
     };
@@ -94,10 +96,12 @@ fn named_time(run: &Path) -> Option<DateTime<FixedOffset>> {
     Some(time.and_local_timezone(Local).earliest()?.fixed_offset())
 }
 
-fn mark(run: &RunRecord, sealed: bool) -> RunMark {
+fn mark(run: &RunRecord, folder: &Path, sealed: bool, late_closes: &mut LateCloses) -> RunMark {
     match run.interrupted {
         true => RunMark::Interrupted,
         false if !sealed => RunMark::Unsealed,
+        // Why a chain cannot be read, `records verify` tells.
+        false if late_closes.of(folder).is_ok_and(|late| late.is_some()) => RunMark::Late(run.verdict),
         false => RunMark::Ended(run.verdict),
     }
 }
@@ -106,7 +110,7 @@ fn mark(run: &RunRecord, sealed: bool) -> RunMark {
 pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, RunMark)>, Unopened> {
     let state = reader::fold(&path).map_err(|error| unopened(&error))?;
     let run = RunRecord::from_state(&state).ok_or_else(|| unopened(&ReadError::Empty))?;
-    let mark = mark(&run, reader::is_sealed(&path));
+    let mark = mark(&run, &path, reader::is_sealed(&path), &mut LateCloses::default());
     Ok(Box::new((path, state, mark)))
 }
 

@@ -121,6 +121,13 @@ pub(super) const SCENES: &[(&str, Play)] = &[
     ("records-days", |lang, size| played(lang, size, records)),
     ("records-runs", |lang, size| played(lang, size, runs)),
     ("records-run", |lang, size| played(lang, size, record)),
+    ("records-late", |lang, size| played(lang, size, late)),
+    ("records-late-run", |lang, size| {
+        played(lang, size, |scene| {
+            late(scene);
+            scene.tell(opened(scene.model.lang, RunMark::Late(Verdict::Module(Outcome::Failed))));
+        })
+    }),
     ("records-newer", |lang, size| played(lang, size, start::newer)),
     ("help", |lang, size| played(lang, size, |scene| drop(scene.key(Key::F(1))))),
     ("setup", |lang, size| played(lang, size, |scene| drop(scene.key(Key::F(2))))),
@@ -314,11 +321,23 @@ pub(super) fn runs(scene: &mut Scene) {
 
 pub(super) fn record(scene: &mut Scene) {
     runs(scene);
-    let mut played = Scene::new(scene.model.lang, 80, 24).expect("memory");
+    scene.tell(opened(scene.model.lang, RunMark::Ended(Verdict::Module(Outcome::Failed))));
+}
+
+fn opened(lang: Lang, mark: RunMark) -> Msg {
+    let mut played = Scene::new(lang, 80, 24).expect("memory");
     fail(&mut played);
     let state = played.model.run.take().expect("a run").state;
     let path = "records/2026-11-22/DEMO-1/140500-functional".into();
-    scene.tell(Msg::Opened(Ok(Box::new((path, state, RunMark::Ended(Verdict::Module(Outcome::Failed)))))));
+    Msg::Opened(Ok(Box::new((path, state, mark))))
+}
+
+/// A run that passed and was closed by a later start, beside one that was closed in time.
+pub(super) fn late(scene: &mut Scene) {
+    records(scene);
+    let passed = Verdict::Module(Outcome::Passed);
+    let lines = vec![line("DEMO-1", 5, RunMark::Late(passed)), line("DEMO-2", 6, RunMark::Ended(passed))];
+    scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
 }
 
 /// Three modules of a shift: passed at once, passed at the second try, errored.

@@ -88,7 +88,7 @@ fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: u
     if let Some(planned) = guidance.present() {
         let which =
             fill(texts.capture_of, &[&(guidance.finished + 1).to_string(), &guidance.captures.len().to_string()]);
-        lines.push(Line::raw(text::cut(&format!("{which}: {}", text::shown(&planned.label)), cells)));
+        lines.push(Line::raw(text::cut(&format!("{which}: {}", text::shown(&texts.capture(&planned.label))), cells)));
     }
     let labels = [texts.this_capture, texts.item, texts.plan];
     let label_cells = labels.iter().map(|label| text::width(label)).max().unwrap_or(0);
@@ -180,7 +180,10 @@ fn capture(model: &ScreenModel, guidance: &Guidance, index: usize, planned: &Pla
     let room = cells.saturating_sub(text::width(&time) + 4);
     Line::from(vec![
         Span::styled(format!(" {mark} "), style),
-        Span::styled(text::fit(&text::shown(&planned.label), room), if at_work { style } else { Default::default() }),
+        Span::styled(
+            text::fit(&text::shown(&model.texts.capture(&planned.label)), room),
+            if at_work { style } else { Default::default() },
+        ),
         Span::styled(format!(" {time}"), style::faint()),
     ])
 }

@@ -133,6 +133,7 @@ fn run_spans(model: &ScreenModel, run: &RunLine, same: bool, cells: usize) -> Ve
         (run.simulated, texts.simulated, texts.simulated_short),
         (run.selection, texts.selection, texts.selection_short),
         (run.rejudged, texts.rejudged, texts.rejudged_short),
+        (matches!(run.mark, RunMark::Late(_)), texts.late, texts.late_short),
     ];
     let caveats = || caveats.iter().filter(|(is, ..)| *is);
     let whole = caveats().map(|(_, word, _)| *word).collect::<Vec<_>>().join(" ");
@@ -159,7 +160,10 @@ fn mark(model: &ScreenModel, mark: RunMark) -> (&'static str, &'static str, Styl
 
 fn one(model: &ScreenModel, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
-    let reasons = edges::no_evidence(model);
+    let mut reasons = edges::no_evidence(model);
+    if matches!(open.mark, RunMark::Late(_)) {
+        reasons.push(texts.late_long.to_owned());
+    }
     // A record without reasons keeps its empty line.
     let height = HEAD_OF_RUN + u16::try_from(reasons.len()).unwrap_or(1).max(1);
     let [top, body] = Layout::vertical([Constraint::Length(height), Constraint::Fill(1)]).areas(area);

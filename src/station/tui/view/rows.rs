@@ -203,7 +203,12 @@ fn work(progress: &Progress, cells: usize) -> String {
 /// Which capture of how many an item is at, and the time that remains for it.
 fn guided(texts: &Texts, guidance: &Guidance) -> String {
     let Some(planned) = guidance.present() else { return texts.stage(guidance) };
-    let which = format!("{}/{} {}", guidance.finished + 1, guidance.captures.len(), text::shown(&planned.label));
+    let which = format!(
+        "{}/{} {}",
+        guidance.finished + 1,
+        guidance.captures.len(),
+        text::shown(&texts.capture(&planned.label))
+    );
     match guidance.stage {
         Stage::Capturing => format!("{which}: {}", fill(texts.to_go, &[&words::duration(guidance.left_s())])),
         _ => format!("{which}: {}", texts.stage(guidance)),
