@@ -45,3 +45,19 @@ fn lists_and_remarks_are_told_by_their_parts() {
     assert_eq!(told("SB-7, firmware 1.4.0, /dev/x at 921600 bit/s"), "SB-7, прошивка 1.4.0, /dev/x, 921600 бит/с");
     assert_eq!(told("supply_current 0.468 A (0.4655 .. 0.5145 A)"), "supply_current 0.468 A (0.4655 .. 0.5145 A)");
 }
+
+/// A line for people has one way out. What stands here beside it writes JSON.
+#[test]
+fn no_line_passes_by() {
+    for (file, text, of_json) in [
+        ("records.rs", include_str!("../records.rs"), 0),
+        ("records/list.rs", include_str!("../records/list.rs"), 2),
+        ("export.rs", include_str!("../export.rs"), 0),
+        ("recompute.rs", include_str!("../recompute.rs"), 0),
+        ("auto.rs", include_str!("../auto.rs"), 0),
+        ("auto/face.rs", include_str!("../auto/face.rs"), 1),
+    ] {
+        let ways: usize = ["println!", "writeln!", "print!"].iter().map(|way| text.matches(way).count()).sum();
+        assert_eq!(ways, of_json, "{file}");
+    }
+}
