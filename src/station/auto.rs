@@ -26,6 +26,7 @@ use gnc_text::{printable, with_causes};
 
 use crate::args::RunArgs;
 use crate::hook::Hooks;
+use crate::phrases::in_language;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::setup::{self, BenchHabits, Setup};
 pub(crate) use crate::version::program;
@@ -195,7 +196,9 @@ pub(crate) async fn all_rounds(
     }
     let serial_number = printable(&request.serial_number);
     match setup::standing(&records, &request.serial_number, &request.plan, bench) {
-        Ok(standing) => speaker.say_as_it_is(&format!("{serial_number}: {}", speaker.lang().standing(&standing))),
+        Ok(standing) => {
+            speaker.say_as_it_is(&format!("{serial_number}: {}", in_language(&standing.to_string(), speaker.lang())))
+        }
         Err(error) => complain(
             format_args!("the standing of {serial_number} is not known: {}", with_causes(&error)),
             error.try_this(),

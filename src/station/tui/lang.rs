@@ -31,14 +31,6 @@ impl Lang {
             Lang::Ru => &ru::TEXTS,
         }
     }
-
-    /// What the records say of a module.
-    pub(crate) fn standing(self, of: &Standing) -> String {
-        match self {
-            Lang::En => of.to_string(),
-            Lang::Zh | Lang::Ru => standing(self.texts(), of),
-        }
-    }
 }
 
 /// The texts of a key: a word for the last line, and a sentence for the help.
