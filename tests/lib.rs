@@ -82,6 +82,8 @@ impl Place {
     pub fn station<S: AsRef<std::ffi::OsStr>>(&self, args: impl IntoIterator<Item = S>) -> Command {
         let mut command = Command::new(&self.station);
         command.args(args).current_dir(self.path()).stdin(Stdio::null()).env("NO_COLOR", "1");
+        // What a test expects is English, wherever it runs.
+        command.env("LC_ALL", "C");
         command
     }
 
