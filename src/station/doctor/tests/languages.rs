@@ -17,7 +17,7 @@ use crate::doctor::{Sys, look, place};
 #[test]
 fn what_is_heard_of_a_board() {
     for is_can in [false, true] {
-        let line = if is_can { "CAN bus can0" } else { "port /dev/ttyUSB0" }.to_owned();
+        let line = if is_can { "CAN interface can0" } else { "port /dev/ttyUSB0" }.to_owned();
         let heard = Heard { line, is_can, listened: Duration::from_millis(3500), ..Heard::default() };
         let hello = |capabilities| BoardHello {
             magic: MAGIC,
@@ -92,7 +92,20 @@ fn what_is_wrong_with_a_bench() {
     let place = format!("{} {1} {1}/none.toml", path.display(), folder.path().display());
     let mut names: Vec<&str> = crate::phrases::english::latin(&place).collect();
     names.extend(crate::phrases::english::latin(&shown));
-    names.extend(["can9", "minicom", "line-2", "port", "rate", "dev/ttyNOWHERE", "dev/null", "tmp", "none.toml"]);
+    names.extend([
+        "can9",
+        "minicom",
+        "line-2",
+        "port",
+        "rate",
+        "latitude",
+        "longitude",
+        "height",
+        "dev/ttyNOWHERE",
+        "dev/null",
+        "tmp",
+        "none.toml",
+    ]);
     for text in [text("/dev/ttyNOWHERE"), text("/dev/null"), text("/tmp"), text(&shown), nothing, wrong] {
         fs::write(&path, &text).expect("a file");
         speak_all(&look(Some(&path), Some(folder.path()), &Sys::default(), &proc), &names);
