@@ -96,6 +96,7 @@ fn what_is_wrong_with_a_bench() {
         "can9",
         "minicom",
         "line-2",
+        "id",
         "port",
         "rate",
         "latitude",
