@@ -47,7 +47,7 @@ fn found(locale: &str, args: &[&str]) -> String {
 fn findings_are_in_the_language_of_the_locale() {
     let plan = gnc_tests::functional_plan();
     let plan = plan.to_str().expect("UTF-8");
-    let stability: &[&str] = &["compute", "stability", "still.csv", "--column", "w", "--block", "2"];
+    let stability: &[&str] = &["compute", "stability", "still.csv", "--column", "w", "--block", "2", "--rate", "1"];
     let for_people: [&[&str]; 5] = [
         &["doctor"],
         &["plan", "check", plan],

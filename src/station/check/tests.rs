@@ -88,18 +88,19 @@ fn mistakes_of_plans_in_every_language() {
     let head = "name = \"p\"\nversion = \"1\"\n";
     for text in TESTS_OF_PLANS.iter().flat_map(|source| raw_strings(source)) {
         for text in [text.to_owned(), format!("{head}{text}")] {
+            // What the reader of TOML says of its grammar are no sentences of the station.
+            if toml::from_str::<toml::Table>(&text).is_err() {
+                continue;
+            }
             fs::write(&path, text).expect("a file");
             told += speaks_all(&path, Some(NOTHING), None).matches("try:").count();
         }
     }
     assert!(told > 60, "the plans of the tests have mistakes: {told}");
-    let no_plan: [&[u8]; 6] = [
+    let no_plan: [&[u8]; 3] = [
         b"",
         &[0xff, 0xfe, 0x31, 0x00],
-        &[0, 1, 2, 3],
         b"name = \"p\"\nversion = \"1\"\ninclude = [\"plan.toml\", \"../gone.toml\"]\n",
-        b"name = \"p\"\nversion = \"1\"\nname = \"p\"\n",
-        b"name = p\n",
     ];
     for bytes in no_plan {
         fs::write(&path, bytes).expect("a file");
