@@ -30,7 +30,7 @@ const NAMES: [(&str, &str); 4] = [
     ("options and commands", "gnc-station plan check part revision REV answer sim bench FILE NAME VALUE"),
     (
         "what people write in a plan",
-        "TOML UTF-8 true false SN 0xff setup teardown version text name requires_part imu.gyro_x",
+        "TOML UTF-8 true false SN 0xff setup teardown version text name requires_part os error imu.gyro_x",
     ),
 ];
 

@@ -24,7 +24,7 @@ fn interface(kind: &str, flags: &str, queue: &str) -> (tempfile::TempDir, Sys) {
 }
 
 /// Names in findings, which no language changes: of files, messages, keys, programs and wires, and units.
-const NAMES: &str = "HELLO CAN SB-17 dev/ttyUSB0 bit/s ms b0071dea MB ohm root RS-422";
+const NAMES: &str = "HELLO CAN SB-17 dev/ttyUSB0 bit/s ms b0071dea MB ohm root RS-422 os error";
 
 /// Checks that each finding has its words and its numbers in every language; `names` are those of this case.
 #[track_caller]
