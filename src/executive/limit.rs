@@ -155,6 +155,13 @@ impl Limit {
         }
         Ok(Limit::Range(range))
     }
+
+    /// The width of its marginal band, if it has one, for people of every language: "0.005 g".
+    #[must_use]
+    pub fn band(&self) -> Option<String> {
+        let Limit::Range(Range { unit, marginal, .. }) = self else { return None };
+        marginal.map(|width| with_unit(&number::exact(width), *unit))
+    }
 }
 
 impl fmt::Display for Limit {

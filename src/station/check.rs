@@ -1,51 +1,65 @@
 //! `gnc-station plan check`: checks whether a bench can run plans.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_analysis::motion;
 use gnc_executive::job::{BenchAbilities, Job};
+use gnc_executive::limit::Limit;
 use gnc_executive::part::PartName;
 use gnc_executive::plan::Plan;
 
 use crate::exit_code::USAGE;
+use crate::people::PeopleOutput;
 use crate::refusal::{CommandRefusal, refuse};
 use crate::{files, setup};
 
 /// `part`: the module whose limits are shown.
 pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool, part: Option<&PartName>) -> ExitCode {
-    let abilities = match abilities(bench, sim) {
-        Ok(abilities) => abilities,
-        Err(refusal) => return refuse(refusal.what, &refusal.try_this),
-    };
-    let mut out = std::io::stdout().lock();
+    match abilities(bench, sim) {
+        Ok(abilities) => check(plans, abilities, part, &mut PeopleOutput::standard()),
+        Err(refusal) => refuse(refusal.what, &refusal.try_this),
+    }
+}
+
+/// Checks plans against a bench, if there is one, and says what it finds.
+fn check(
+    plans: &[PathBuf],
+    abilities: Option<BenchAbilities>,
+    part: Option<&PartName>,
+    out: &mut PeopleOutput<'_>,
+) -> ExitCode {
     let mut wrong = 0;
     for path in plans {
-        let checked = files::plan(path).and_then(|plan| {
-            let plan = plan.plan();
-            let limits = part.map(|part| limits(plan, part)).transpose()?.unwrap_or_default();
-            let (items, time) = (plan.items().len(), format!("{}{limits}", bench_time(plan)));
-            match abilities {
-                Some(abilities) => {
-                    Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?
-                }
-                None => return Ok((items, time, ", not checked against a bench")),
-            };
-            Ok((items, time, ""))
-        });
-        let _ = match checked {
-            Ok((items, time, remark)) => writeln!(out, "{}: {items} items, no mistake{remark}{time}", path.display()),
+        match about(path, abilities, part) {
+            Ok(good) => out.say(good),
             Err(refusal) => {
                 wrong += 1;
-                let hint =
-                    if refusal.try_this.is_empty() { String::new() } else { format!("\n  try: {}", refusal.try_this) };
-                writeln!(out, "{}{hint}", refusal.what)
+                out.say(refusal.what);
+                if !refusal.try_this.is_empty() {
+                    out.say(format_args!("  try: {}", refusal.try_this));
+                }
             }
-        };
+        }
     }
     if wrong > 0 { ExitCode::from(USAGE) } else { ExitCode::SUCCESS }
+}
+
+/// What is to be said of a plan without mistakes.
+fn about(path: &Path, abilities: Option<BenchAbilities>, part: Option<&PartName>) -> Result<String, CommandRefusal> {
+    let plan = files::plan(path)?;
+    let plan = plan.plan();
+    let limits = part.map(|part| limits(plan, part)).transpose()?.unwrap_or_default();
+    let remark = match abilities {
+        Some(abilities) => {
+            Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
+            ""
+        }
+        None => ", not checked against a bench",
+    };
+    let (items, time) = (plan.items().len(), bench_time(plan));
+    Ok(format!("{}: {items} items, no mistake{remark}{time}{limits}", path.display()))
 }
 
 /// The limits by which a plan judges a module, each with the plan's own limit in its place if that is another.
@@ -61,14 +75,22 @@ fn limits(plan: &Plan, module: &PartName) -> Result<String, CommandRefusal> {
         for (name, limit) in item.limits() {
             let was = match own.limit(name) {
                 Some(own) if own == limit => String::new(),
-                Some(own) => format!(" (the item has {own})"),
+                Some(own) => format!(" (the item has {})", with_band(own)),
                 None => " (the item has none)".to_owned(),
             };
             // Writing to a String cannot fail.
-            let _ = write!(lines, "\n    {} {name} {limit}{was}", item.name);
+            let _ = write!(lines, "\n    {} {name} {}{was}", item.name, with_band(limit));
         }
     }
     Ok(lines)
+}
+
+/// A limit with its marginal band. Two limits that differ in the band alone are two limits.
+fn with_band(limit: &Limit) -> String {
+    match limit.band() {
+        Some(band) => format!("{limit}, marginal within {band} of a bound"),
+        None => limit.to_string(),
+    }
 }
 
 /// Describes the bench time of each item that captures, and the sum. Empty if no item captures.
@@ -101,3 +123,6 @@ fn abilities(bench: Option<&Path>, sim: bool) -> Result<Option<BenchAbilities>, 
         None => Ok(None),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -20,7 +20,7 @@ mod tilt;
 mod triad;
 mod zero_bias;
 
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -31,6 +31,9 @@ use gnc_text::printable;
 use thiserror::Error;
 
 use crate::exit_code::USAGE;
+use crate::locale::Environment;
+use crate::people::PeopleOutput;
+use crate::phrases::in_language;
 use report::FigureReport;
 use table::{ReadingOptions, TableError};
 
@@ -161,13 +164,18 @@ pub(crate) fn run(args: &Args) -> ExitCode {
         Ok(outcome)
     });
     match outcome {
+        Ok(outcome) if args.json => {
+            print_json(&outcome.report.json());
+            ExitCode::SUCCESS
+        }
         Ok(outcome) => {
-            print(&if args.json { outcome.report.json() } else { harmless(&outcome.report.table()) });
+            let mut out = PeopleOutput::standard();
+            out.write(&harmless(&outcome.report.table(out.lang())));
             ExitCode::SUCCESS
         }
         Err(ComputeError::Refused(refusal)) => {
             if args.json {
-                print(&report::refusal_json(name, &refusal));
+                print_json(&report::refusal_json(name, &refusal));
             }
             complain(&format!("{name} refused: {refusal}\n  try: {}\n", refusal.hint()));
             ExitCode::from(1)
@@ -184,8 +192,8 @@ fn write(path: &Path, text: &str) -> Result<(), ComputeError> {
     std::fs::write(path, text).map_err(|source| ComputeError::Write { path: path.to_owned(), source })
 }
 
-/// Prints. A reader that closed the pipe (`| head`) is not an error.
-fn print(text: &str) {
+/// Prints for programs. A reader that closed the pipe (`| head`) is not an error.
+fn print_json(text: &str) {
     let _ = std::io::stdout().lock().write_all(text.as_bytes());
 }
 
@@ -194,6 +202,12 @@ fn harmless(text: &str) -> String {
     text.split('\n').map(printable).collect::<Vec<_>>().join("\n")
 }
 
+/// An error for people, on standard error, in the language of the locale.
 fn complain(text: &str) {
-    let _ = std::io::stderr().lock().write_all(harmless(text).as_bytes());
+    let lang = Environment::read().language(None);
+    let mut out = std::io::stderr().lock();
+    for line in harmless(text).lines() {
+        // Without standard error there is no other place for the message.
+        let _ = writeln!(out, "{}", in_language(line, lang));
+    }
 }

@@ -12,7 +12,6 @@ mod scanner;
 mod tests;
 
 use std::fmt;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -21,6 +20,10 @@ use gnc_text::printable;
 use holders::Proc;
 
 use crate::files;
+use crate::locale::Lang;
+use crate::people::PeopleOutput;
+use crate::phrases::in_language;
+use crate::refusal::CommandRefusal;
 use crate::setup::{BENCH_FILE, RECORDS};
 
 /// Exit code when a fault makes a test of a module impossible.
@@ -92,27 +95,37 @@ impl Finding {
     }
 }
 
+impl Finding {
+    /// The line for people: all of its columns begin at the same place in each language.
+    pub(crate) fn line(&self, lang: Lang) -> String {
+        let word = match self.health {
+            Health::Good => "ok      ",
+            Health::Warning => "warning ",
+            Health::Bad => "BAD     ",
+        };
+        let told = |text: &str| in_language(&printable(text), lang).into_owned();
+        let mend = if self.mend.is_empty() {
+            String::new()
+        } else {
+            format!("{}{}", in_language("; mend: ", lang), told(&self.mend))
+        };
+        format!("{} {}{mend}", in_language(word, lang), told(&self.what))
+    }
+}
+
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let word = match self.health {
-            Health::Good => "ok",
-            Health::Warning => "warning",
-            Health::Bad => "BAD",
-        };
-        write!(f, "{word:<8} {}", printable(&self.what))?;
-        if !self.mend.is_empty() {
-            write!(f, "; mend: {}", printable(&self.mend))?;
-        }
-        Ok(())
+        f.write_str(&self.line(Lang::En))
     }
 }
 
 /// Checks the bench and prints the findings. `named` is the bench file of the command line.
 pub(crate) fn run(named: Option<&Path>, records: Option<&Path>) -> ExitCode {
     let findings = look(named, records, &Sys::default(), &Proc::default());
-    let mut out = std::io::stdout().lock();
+    let mut out = PeopleOutput::standard();
     for finding in &findings {
-        let _ = writeln!(out, "{finding}");
+        let line = finding.line(out.lang());
+        out.write(&format!("{line}\n"));
     }
     match findings.iter().map(|finding| finding.health).max() {
         Some(Health::Bad) => ExitCode::from(ILL),
@@ -152,11 +165,22 @@ fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<B
             Some(bench)
         }
         Err(refusal) => {
-            let what = refusal.what.lines().collect::<Vec<_>>().join("; ");
-            findings.push(Finding::bad(format!("bench file {}: {what}", path.display()), "correct the file"));
+            findings.extend(mistakes(&refusal));
             None
         }
     }
+}
+
+/// A finding for each mistake of a file: its place, what is wrong, and what the message advises. The line of the file that the
+/// message shows is left out.
+fn mistakes(refusal: &CommandRefusal) -> Vec<Finding> {
+    let one = |mistake: &str| {
+        let advice = mistake.lines().find_map(|line| line.trim_start_matches([' ', '=']).strip_prefix("try: "));
+        let given = Some(refusal.try_this.as_str()).filter(|hint| !hint.is_empty());
+        let what = mistake.lines().next().unwrap_or_default();
+        Finding::bad(what, advice.or(given).unwrap_or("correct the file"))
+    };
+    refusal.what.split("\n\n").map(one).collect()
 }
 
 fn socket(bench: &BenchFile, findings: &mut Vec<Finding>) {

@@ -16,6 +16,7 @@ mod files;
 mod help_files;
 mod hook;
 mod locale;
+mod people;
 mod phrases;
 mod ports;
 mod recompute;

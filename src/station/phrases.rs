@@ -10,6 +10,8 @@
 //!
 //! A sentence that the table does not know stays English. So does one of a record that another version wrote.
 
+#[cfg(test)]
+pub(crate) mod english;
 mod form;
 mod page;
 mod table;
@@ -130,7 +132,7 @@ impl Phrases {
                 continue;
             }
             let second = self.translated(after, left);
-            let known = first.is_some() && second.is_some();
+            let known = second.is_some() && (first.is_some() || (sign == ": " && is_name_or_place(before)));
             // A comma is mostly one within a sentence.
             if first.is_none() && second.is_none() || sign == ", " && !known {
                 continue;
@@ -153,6 +155,14 @@ struct Parts {
     known: bool,
     /// Bytes of the first sentence's own words.
     first: usize,
+}
+
+/// Whether it is one word, such as a name, or a place in a file: "a plan.toml:16:9".
+fn is_name_or_place(text: &str) -> bool {
+    let is_number = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+    let mut from_end = text.rsplit(':');
+    let ends_with_place = from_end.next().is_some_and(is_number) && from_end.next().is_some_and(is_number);
+    ends_with_place || !text.contains(' ')
 }
 
 /// What joins two sentences, and its Chinese form.

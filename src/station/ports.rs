@@ -1,10 +1,11 @@
 //! `gnc-station ports`: lists the ports that a bench could use.
 
-use std::io::Write as _;
 use std::process::ExitCode;
 
 use gnc_text::printable;
 use serialport::SerialPortType;
+
+use crate::people::PeopleOutput;
 
 /// Lists the serial ports of this computer.
 pub(crate) fn run() -> ExitCode {
@@ -12,9 +13,9 @@ pub(crate) fn run() -> ExitCode {
         Ok(ports) => ports,
         Err(error) => return crate::refusal::refuse(format_args!("cannot list the serial ports: {error}"), ""),
     };
-    let mut out = std::io::stdout();
+    let mut out = PeopleOutput::standard();
     if ports.is_empty() {
-        let _ = writeln!(out, "this computer has no serial port; plug in an adapter, or use --sim");
+        out.say("this computer has no serial port; plug in an adapter, or use --sim");
     }
     for port in ports {
         let what = match port.port_type {
@@ -33,7 +34,7 @@ pub(crate) fn run() -> ExitCode {
             SerialPortType::BluetoothPort => "Bluetooth".to_owned(),
             SerialPortType::Unknown => String::new(),
         };
-        let _ = writeln!(out, "{:<24}{what}", port.port_name);
+        out.say(format_args!("{:<24}{what}", port.port_name));
     }
     ExitCode::SUCCESS
 }

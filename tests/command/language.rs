@@ -1,4 +1,4 @@
-//! Errors of the command line in the language of the locale.
+//! Errors and findings of the command line in the language of the locale.
 
 use gnc_tests::Place;
 
@@ -31,4 +31,41 @@ fn errors_and_hints_are_in_the_language_of_the_locale() {
     }
     // A terminal that cannot show the language gets English.
     assert_eq!(said("zh_CN.GB18030"), english);
+}
+
+/// What the station finds, as a person and as a program reads it.
+fn found(locale: &str, args: &[&str]) -> String {
+    let place = Place::new(STATION);
+    place.write("bench.toml", "[station]\nid = \"x\"\n[socket]\nport = \"/dev/ttyNOWHERE\"\nrate = \"921600 bit/s\"\n");
+    place.write("still.csv", "t,w\n0,1\n1,2\n2,1\n3,4\n4,1\n5,2\n6,1\n7,4\n");
+    let out = place.station(args).env("LC_ALL", locale).env("TERM", "xterm").output().expect("the station");
+    String::from_utf8(out.stdout).expect("UTF-8")
+}
+
+/// Standard output has the language of the locale where a person reads it, and none where a program does.
+#[test]
+fn findings_are_in_the_language_of_the_locale() {
+    let plan = gnc_tests::functional_plan();
+    let plan = plan.to_str().expect("UTF-8");
+    let stability: &[&str] = &["compute", "stability", "still.csv", "--column", "w", "--block", "2", "--rate", "1"];
+    let for_people: [&[&str]; 5] = [
+        &["doctor"],
+        &["plan", "check", plan],
+        &["plan", "check", "gone.toml"],
+        &["plan", "check", plan, "--part", "A"],
+        stability,
+    ];
+    for (locale, of_it) in [("zh_CN.UTF-8", '\u{4e00}'..='\u{9fff}'), ("ru_RU.UTF-8", '\u{400}'..='\u{4ff}')] {
+        for args in for_people {
+            let (english, other) = (found("C", args), found(locale, args));
+            assert!(english.is_ascii() && !english.is_empty(), "{english}");
+            assert!(english.lines().count() == other.lines().count(), "{english}{other}");
+            assert!(other.chars().any(|c| of_it.contains(&c)), "{locale}: {other}");
+            // A terminal that cannot show the language gets English.
+            assert_eq!(found("zh_CN.GB18030", args).lines().count(), english.lines().count());
+        }
+        let json = [stability, &["--json"]].concat();
+        assert_eq!(found(locale, &json), found("C", &json), "programs read the same in every language");
+        assert!(found("C", &json).starts_with('{'));
+    }
 }

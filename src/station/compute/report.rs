@@ -1,5 +1,6 @@
 //! A result as a table for people and as JSON for programs. Both come from one list of entries.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use gnc_metrology::Refusal;
@@ -7,6 +8,9 @@ use nalgebra::{SMatrix, Vector3};
 use serde_json::{Map, Value, json};
 
 use super::table::{Columns, RecordClock};
+use crate::locale::Lang;
+use crate::people::columns_of;
+use crate::phrases::in_language;
 
 /// Named figures in the order in which people read them.
 pub(super) struct FigureReport {
@@ -37,8 +41,8 @@ enum Body {
     },
     /// For programs only.
     Hidden(Value),
-    /// One line for people, an object for programs.
-    Told(String, Value),
+    /// One line for people, of phrases behind each other, and an object for programs.
+    Told(Vec<String>, Value),
 }
 
 impl FigureReport {
@@ -75,17 +79,17 @@ impl FigureReport {
     /// Adds facts about the record itself: what was understood of its form, its units and its clock.
     pub(super) fn record(&mut self, columns: &Columns) -> &mut Self {
         let understood = &columns.about.understood;
-        let line = if understood.is_empty() { "plain table".to_owned() } else { understood.join(", ") };
+        let line = if understood.is_empty() { vec!["plain table".to_owned()] } else { understood.clone() };
         self.entries.push(Entry { key: "understood", unit: String::new(), body: Body::Told(line, json!(understood)) });
         let units: Vec<(&String, &String)> =
             columns.names.iter().zip(&columns.units).filter_map(|(name, unit)| Some((name, unit.as_ref()?))).collect();
         if !units.is_empty() {
-            let line = units.iter().map(|(name, unit)| format!("{name} [{unit}]")).collect::<Vec<_>>().join(", ");
+            let line = units.iter().map(|(name, unit)| format!("{name} [{unit}]")).collect();
             let units = units.into_iter().map(|(name, unit)| (name.clone(), json!(unit))).collect::<Map<_, _>>();
             self.entries.push(Entry { key: "units", unit: String::new(), body: Body::Told(line, json!(units)) });
         }
         let (line, clock) = told(&columns.about.clock);
-        self.entries.push(Entry { key: "clock", unit: String::new(), body: Body::Told(line, clock) });
+        self.entries.push(Entry { key: "clock", unit: String::new(), body: Body::Told(vec![line], clock) });
         self
     }
 
@@ -154,34 +158,53 @@ impl FigureReport {
         text
     }
 
-    /// A table for people.
-    pub(super) fn table(&self) -> String {
+    /// A table for people. Keys and names of columns are those of the object for programs, in every language.
+    pub(super) fn table(&self, lang: Lang) -> String {
         let mut text = format!("{}\n", self.method);
         let width = self.entries.iter().map(|e| e.key.len()).max().unwrap_or(0);
         for entry in &self.entries {
             match &entry.body {
-                Body::Value(value) => show(&mut text, entry.key, &entry.unit, value, width),
-                Body::Rows { columns, rows } => grid(&mut text, entry.key, columns, rows),
+                Body::Value(value) => {
+                    show(&mut text, entry.key, &in_language(&entry.unit, lang), value, &Place { width, lang });
+                }
+                Body::Rows { columns, rows } => grid(&mut text, entry.key, columns, rows, lang),
                 Body::Named { columns, rows } => {
-                    let (figures, _) = columns.split_at(columns.len().saturating_sub(1));
+                    let (figures, unit) = columns.split_at(columns.len().saturating_sub(1));
+                    let unit: Vec<_> = unit.iter().map(|unit| in_language(unit, lang)).collect();
+                    let heads = [""].into_iter().chain(figures.iter().copied()).chain(unit.iter().map(AsRef::as_ref));
+                    let heads: Vec<&str> = heads.collect();
                     let cells = rows
                         .iter()
                         .map(|(name, unit, value)| {
                             let figures = figures.iter().map(|c| value.get(c).cloned().unwrap_or(Value::Null));
-                            [json!(name)].into_iter().chain(figures).chain([json!(unit)]).collect()
+                            [json!(name)].into_iter().chain(figures).chain([json!(in_language(unit, lang))]).collect()
                         })
                         .collect::<Vec<Vec<Value>>>();
-                    grid(&mut text, entry.key, &[&[""], *columns].concat(), &cells);
+                    grid(&mut text, entry.key, &heads, &cells, lang);
                 }
                 Body::Told(line, _) => {
-                    let _ = writeln!(text, "  {:<width$}  {line}", entry.key);
+                    let line: Vec<_> = line.iter().map(|phrase| told_in(phrase, lang)).collect();
+                    let _ = writeln!(text, "  {:<width$}  {}", entry.key, line.join(", "));
                 }
                 Body::Hidden(_) => {
-                    let _ = writeln!(text, "  {:<width$}  with --json", entry.key);
+                    let _ = writeln!(text, "  {:<width$}  {}", entry.key, in_language("with --json", lang));
                 }
             }
         }
         text
+    }
+}
+
+/// A phrase about the record. One that is little more than names of columns stands in the table behind a word of its own,
+/// since its few words fit other sentences too.
+fn told_in(phrase: &str, lang: Lang) -> String {
+    match in_language(phrase, lang) {
+        Cow::Owned(told) => told,
+        Cow::Borrowed(_) => {
+            let whole = format!("understood {phrase}");
+            let told = in_language(&whole, lang);
+            if *told == *whole { phrase.to_owned() } else { told.into_owned() }
+        }
     }
 }
 
@@ -244,33 +267,53 @@ pub(super) fn matrix<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> 
     m.row_iter().map(|row| row.iter().map(|v| json!(v)).collect::<Value>()).collect()
 }
 
-fn show(text: &mut String, key: &str, unit: &str, value: &Value, width: usize) {
+/// Where a figure stands in the table for people.
+#[derive(Clone, Copy)]
+struct Place {
+    /// Columns of the keys before it.
+    width: usize,
+    lang: Lang,
+}
+
+/// Writes a figure; its unit is in the language already.
+fn show(text: &mut String, key: &str, unit: &str, value: &Value, place: &Place) {
+    let Place { width, lang } = *place;
     match value {
         Value::Array(items) if items.iter().any(|i| matches!(i, Value::Array(_) | Value::Object(_))) => {
             for (i, item) in items.iter().enumerate() {
-                show(text, if i == 0 { key } else { "" }, if i == 0 { unit } else { "" }, item, width);
+                show(text, if i == 0 { key } else { "" }, if i == 0 { unit } else { "" }, item, place);
             }
         }
         Value::Object(map) => {
             for (i, (name, item)) in map.iter().enumerate() {
+                let item = &in_words(name, item, lang);
                 let label = if i == 0 { key } else { "" };
                 let unit = if i == 0 { unit } else { "" };
-                show(text, &format!("{label:<width$}  {name:<13}"), unit, item, width + 15);
+                let inner = Place { width: width + 15, lang };
+                show(text, &format!("{label:<width$}  {name:<13}"), unit, item, &inner);
             }
         }
+        // A list of texts is one of names.
+        Value::String(said) => {
+            let _ = writeln!(text, "  {key:<width$}  {}  {unit}", in_language(said, lang));
+        }
         _ => {
-            let _ = writeln!(text, "  {key:<width$}  {}  {unit}", plain(value));
+            let _ = writeln!(text, "  {key:<width$}  {}  {unit}", plain(value, lang));
         }
     }
 }
 
-fn plain(value: &Value) -> String {
+fn plain(value: &Value, lang: Lang) -> String {
     match value {
         Value::Null => format!("{:>13}", "-"),
         Value::String(s) => s.clone(),
         Value::Number(n) if n.is_f64() => figure(n.as_f64().unwrap_or(f64::NAN)),
-        Value::Array(items) if items.len() > 12 => format!("{} values", items.len()),
-        Value::Array(items) => items.iter().map(plain).collect::<Vec<_>>().join(" "),
+        Value::Array(items) if items.len() > 12 => in_language(&format!("{} values", items.len()), lang).into_owned(),
+        Value::Array(items) => items.iter().map(|item| plain(item, lang)).collect::<Vec<_>>().join(" "),
+        Value::Bool(is) => {
+            let word = in_language(if *is { "true" } else { "false" }, lang);
+            format!("{:1$}{word}", "", 13_usize.saturating_sub(columns_of(&word)))
+        }
         other => format!("{other:>13}"),
     }
 }
@@ -286,18 +329,36 @@ fn figure(v: f64) -> String {
     }
 }
 
-fn grid(text: &mut String, key: &str, columns: &[&str], rows: &[Vec<Value>]) {
-    let cells: Vec<Vec<String>> = rows.iter().map(|r| r.iter().map(|v| plain(v).trim().to_owned()).collect()).collect();
+/// Columns and lists whose texts are words of the station. The others hold names from the file.
+const WORDS: [&str; 2] = ["noise", "terms"];
+
+/// A list of words in the language.
+fn in_words(name: &str, value: &Value, lang: Lang) -> Value {
+    match value {
+        Value::Array(words) if WORDS.contains(&name) => {
+            words.iter().map(|word| word.as_str().map(|word| in_language(word, lang))).collect()
+        }
+        other => other.clone(),
+    }
+}
+
+fn grid(text: &mut String, key: &str, columns: &[&str], rows: &[Vec<Value>], lang: Lang) {
+    let cell = |(value, column): (&Value, &&str)| {
+        let shown = plain(value, lang);
+        let lang = if WORDS.contains(column) { lang } else { Lang::En };
+        in_language(shown.trim(), lang).into_owned()
+    };
+    let cells: Vec<Vec<String>> = rows.iter().map(|row| row.iter().zip(columns).map(cell).collect()).collect();
     let widths: Vec<usize> = columns
         .iter()
         .enumerate()
-        .map(|(c, name)| cells.iter().map(|row| row[c].len()).chain([name.len()]).max().unwrap_or(0))
+        .map(|(c, name)| cells.iter().map(|row| columns_of(&row[c])).chain([columns_of(name)]).max().unwrap_or(0))
         .collect();
     let _ = writeln!(text, "  {key}");
     let mut line = |cells: &mut dyn Iterator<Item = &str>| {
         text.push_str("   ");
         for (cell, width) in cells.zip(&widths) {
-            let _ = write!(text, " {cell:>width$}");
+            let _ = write!(text, " {:1$}{cell}", "", width.saturating_sub(columns_of(cell)));
         }
         text.push('\n');
     };

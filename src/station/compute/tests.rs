@@ -1,6 +1,7 @@
 //! Every method with a good record and with records that it must refuse: keys of the fixed interface, refusals,
 //! pictures.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -9,6 +10,8 @@ use gnc_metrology::position::{LABELS, up_of};
 use serde_json::Value;
 
 use super::{Args, ComputeError, ComputeOutcome};
+use crate::locale::Lang;
+use crate::phrases::english;
 
 #[derive(Parser)]
 struct Command {
@@ -99,8 +102,15 @@ fn gives(words: &str, record: &str, keys: &str) -> Value {
             value = value.get(0).unwrap_or(value).get(part).unwrap_or_else(|| panic!("{words}: no {key} in {json:#}"));
         }
     }
-    let (table, svg) = (outcome.report.table(), gnc_plot::svg(&outcome.panels));
+    let (table, svg) = (outcome.report.table(Lang::En), gnc_plot::svg(&outcome.panels));
     assert!(table.lines().count() > 3 && !table.contains("NaN"), "{table}");
+    let mut names = BTreeSet::from([words.split(' ').next().unwrap_or_default().to_owned()]);
+    named(&json, &mut names);
+    for lang in [Lang::Zh, Lang::Ru] {
+        english::holds_none(&table, &outcome.report.table(lang), lang, &|word| {
+            names.contains(word) || record.contains(word) || SYMBOLS.split(' ').any(|symbol| symbol == word)
+        });
+    }
     assert!(
         svg.starts_with("<svg")
             && svg.ends_with("</svg>\n")
@@ -111,10 +121,29 @@ fn gives(words: &str, record: &str, keys: &str) -> Value {
     json
 }
 
+/// The keys of an object, which its table shows in every language, and the texts of lists, which are names from the file.
+fn named(value: &Value, names: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(object) => object.iter().for_each(|(key, value)| {
+            names.insert(key.clone());
+            named(value, names);
+        }),
+        Value::Array(list) => list.iter().for_each(|value| {
+            names.extend(value.as_str().map(str::to_owned));
+            named(value, names);
+        }),
+        _ => {}
+    }
+}
+
+/// Symbols, units, options and standards in the table, which no language changes.
+const SYMBOLS: &str = "Hz ppm m/s rad rad/s deg/h degC mg LSB sqrt Ka Kg M_ij M_ii S_ij S_ii xy xz yz w_out GJB IEEE Hann adev mdev hdev ohdev oadev totdev corrected raw json actual out value low high Gauss-Markov \
+                       response rate repeatability instability UTF-16 numpy";
+
 #[track_caller]
 fn refuses(words: &str, record: &str, expected: &str) {
     match compute(words, record) {
-        Ok(outcome) => panic!("{words} gave {}", outcome.report.table()),
+        Ok(outcome) => panic!("{words} gave {}", outcome.report.table(Lang::En)),
         Err(e @ ComputeError::Refused(_)) => assert!(e.to_string().contains(expected), "{words}: {e}"),
         Err(e) => panic!("{words}: not a refusal: {e}"),
     }
@@ -483,7 +512,7 @@ fn the_record_tells_its_rate() {
             assert!(e.to_string().contains("ppm, but the method needs +- 10 ppm"), "{e}");
             assert_eq!(e.try_this(), Some("give the rate with --rate HZ"));
         }
-        other => panic!("{:?}", other.map(|outcome| outcome.report.table())),
+        other => panic!("{:?}", other.map(|outcome| outcome.report.table(Lang::En))),
     }
     gives("rotation --turns 3 --rate 100", &record, "matrix");
 }

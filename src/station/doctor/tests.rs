@@ -1,12 +1,15 @@
 //! Findings about a faulty bench, with folders in place of the kernel's.
 
 mod asking;
+mod languages;
 mod others;
 
 use std::fs;
 use std::path::Path;
 
 use super::*;
+use crate::locale::Lang;
+use crate::phrases::english;
 
 /// A folder as the kernel shows an interface.
 fn interface(kind: &str, flags: &str, queue: &str) -> (tempfile::TempDir, Sys) {
@@ -20,7 +23,29 @@ fn interface(kind: &str, flags: &str, queue: &str) -> (tempfile::TempDir, Sys) {
     (folder, sys)
 }
 
+/// Names in findings, which no language changes: of files, messages, keys, programs and wires, and units.
+const NAMES: &str = "HELLO CAN SB-17 dev/ttyUSB0 bit/s ms b0071dea MB ohm root RS-422 os error";
+
+/// Checks that each finding has its words and its numbers in every language; `names` are those of this case.
+#[track_caller]
+fn speak_all(findings: &[Finding], names: &[&str]) {
+    let is_name = |word: &str| NAMES.split(' ').chain(names.iter().copied()).any(|name| name == word);
+    for finding in findings {
+        let english = finding.to_string();
+        for lang in [Lang::Zh, Lang::Ru] {
+            let line = finding.line(lang);
+            english::holds_none(&english, &line, lang, &is_name);
+            // What was found begins in the same column.
+            let begins = line.char_indices().find(|(at, _)| crate::people::columns_of(&line[..*at]) >= 9);
+            assert!(begins.is_some_and(|(at, c)| line[..at].ends_with(' ') && c != ' '), "{line}");
+        }
+    }
+}
+
 fn health(findings: &[Finding]) -> Vec<Health> {
+    let devices: Vec<&str> = findings.iter().flat_map(|finding| english::latin(&finding.what)).collect();
+    let devices: Vec<&str> = devices.into_iter().filter(|word| word.starts_with("dev/")).collect();
+    speak_all(findings, &[&devices[..], &["can0", "etc", "bus-off", "ERROR-PASSIVE", "CAN_H", "CAN_L"]].concat());
     findings.iter().map(|finding| finding.health).collect()
 }
 

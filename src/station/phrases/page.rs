@@ -8,7 +8,7 @@ use super::table::all;
 const HEAD: &str = "# What the station says
 
 Each sentence with its id, in English, Chinese and Russian. Records, logs and programs get the English one; the screen shows the one of its
-language. An id never names another sentence, so it can be searched for and told over the telephone. The program prints this page from its own
+language, and the command line that of the locale. An id never names another sentence, so it can be searched for and told over the telephone. The program prints this page from its own
 table: `cargo run -q -p gnc-station --example messages > docs/messages.md`. `{name}` stands for a value.
 
 The texts of the screen itself, such as the names of its panels and keys, and the titles and advice of the items ([items.md](items.md)) are not

@@ -5,10 +5,11 @@ use std::sync::LazyLock;
 
 use serde::Deserialize;
 
-const FILES: [(&str, &str); 11] = [
+const FILES: [(&str, &str); 12] = [
     ("analysis", include_str!("analysis.toml")),
     ("bench", include_str!("bench.toml")),
     ("board", include_str!("board.toml")),
+    ("check", include_str!("check.toml")),
     ("executive", include_str!("executive.toml")),
     ("link", include_str!("link.toml")),
     ("listing", include_str!("listing.toml")),

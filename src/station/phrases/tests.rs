@@ -50,6 +50,13 @@ fn a_cause_that_nobody_knows_leaves_its_sentence() {
     );
 }
 
+/// The place of a mistake is no part of its sentence.
+#[test]
+fn a_value_does_not_take_in_what_stands_before() {
+    let text = "my plans/plan.toml:16:16: the limit of \"words_tested\" is not a text in quotes";
+    assert_eq!(zh(text), "my plans/plan.toml:16:16：\"words_tested\" 的限值不是带引号的文本");
+}
+
 #[test]
 fn what_the_table_does_not_know_stays_as_it_is() {
     for text in ["", "x", ": ", "; ; ;", "SN-0001", "a sentence of a later version", "{port}"] {

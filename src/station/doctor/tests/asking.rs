@@ -102,7 +102,9 @@ async fn examined(board: Played, may_ask: MayAsk) -> (String, usize, Heard) {
     let link = Link::open(&Target::Memory(port)).expect("a cable");
     let played = tokio::spawn(board.play(end));
     let heard = ask(link, 5, may_ask).await;
-    let said: Vec<String> = findings(&heard).iter().map(ToString::to_string).collect();
+    let found = findings(&heard);
+    super::speak_all(&found, &[]);
+    let said: Vec<String> = found.iter().map(ToString::to_string).collect();
     (said.join("\n"), played.await.expect("the board"), heard)
 }
 

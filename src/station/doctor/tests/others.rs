@@ -10,9 +10,10 @@ use nix::fcntl::{FcntlArg, FdFlag, fcntl};
 
 use crate::doctor::holders::{Holder, Proc};
 use crate::doctor::{Health, scanner};
+use crate::phrases::english;
 
 /// A folder as the kernel shows a process, with the files that it has open.
-fn process(proc: &Path, number: u32, command: &str, open: &[&Path]) {
+pub(super) fn process(proc: &Path, number: u32, command: &str, open: &[&Path]) {
     let fd = proc.join(number.to_string()).join("fd");
     fs::create_dir_all(&fd).expect("a folder");
     for (place, file) in open.iter().enumerate() {
@@ -26,7 +27,7 @@ fn hidden(proc: &Path, number: u32) {
     fs::create_dir_all(proc.join(number.to_string())).expect("a folder");
 }
 
-fn pseudo_terminal() -> (nix::pty::OpenptyResult, PathBuf) {
+pub(super) fn pseudo_terminal() -> (nix::pty::OpenptyResult, PathBuf) {
     let pty = nix::pty::openpty(None, None).expect("a pseudo-terminal");
     let port = nix::unistd::ttyname(&pty.slave).expect("its name");
     (pty, port)
@@ -110,7 +111,12 @@ fn the_port_of_the_scanner_is_looked_at() {
     let (pty, port) = pseudo_terminal();
     let folder = tempfile::tempdir().expect("a folder");
     let settings = |port: &Path| ScannerSettings { port: port.display().to_string(), rate_bps: 9600 };
-    let look = |port: &Path, proc: &Path| scanner::look(&settings(port), &Proc(proc.to_owned()));
+    let look = |port: &Path, proc: &Path| {
+        let found = scanner::look(&settings(port), &Proc(proc.to_owned()));
+        let names = format!("{} {} minicom /opt/gnc-station --plan p.toml", port.display(), proc.display());
+        super::speak_all(&found, &english::latin(&names).collect::<Vec<_>>());
+        found
+    };
     let modes = || nix::sys::termios::tcgetattr(&pty.slave).expect("modes").local_flags;
     let before = modes();
     for (number, command, health, told) in [

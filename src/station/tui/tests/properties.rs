@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::scenes::SCENES;
+use crate::phrases::english::latin;
 use crate::tui::keymap::{BINDINGS, KeyContext, bindings, name};
 use crate::tui::lang::Lang;
 use crate::tui::model::RunView;
@@ -360,13 +361,6 @@ const STILL_ENGLISH: [(&str, &str); 2] = [
     ("lines of a plan, as they are written, and the names that it may have meant", "id = \"imo\" imu"),
     ("what a later version has written", "event `weighed`"),
 ];
-
-/// The Latin words of a text that are not one letter.
-fn latin(text: &str) -> impl Iterator<Item = &str> {
-    let words = text.split(|c: char| !(c.is_ascii_alphanumeric() || "-_/.".contains(c)));
-    let words = words.map(|word| word.trim_matches(['-', '_', '/', '.']));
-    words.filter(|word| word.chars().filter(char::is_ascii_alphabetic).count() >= 2)
-}
 
 /// A Chinese or Russian screen has no English word but names and what is listed above.
 #[test]
