@@ -1,6 +1,7 @@
 //! `gnc-station plan check`: checks whether a bench can run plans.
 
 use std::fmt::Write as _;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -11,14 +12,14 @@ use gnc_executive::part::PartName;
 use gnc_executive::plan::Plan;
 
 use crate::exit_code::USAGE;
-use crate::people::PeopleOutput;
 use crate::refusal::{CommandRefusal, refuse};
+use crate::wording::Lines;
 use crate::{files, setup};
 
 /// `part`: the module whose limits are shown.
 pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool, part: Option<&PartName>) -> ExitCode {
     match abilities(bench, sim) {
-        Ok(abilities) => check(plans, abilities, part, &mut PeopleOutput::standard()),
+        Ok(abilities) => check(plans, abilities, part, &mut Lines::to_stdout()),
         Err(refusal) => refuse(refusal.what, &refusal.try_this),
     }
 }
@@ -28,7 +29,7 @@ fn check(
     plans: &[PathBuf],
     abilities: Option<BenchAbilities>,
     part: Option<&PartName>,
-    out: &mut PeopleOutput<'_>,
+    out: &mut Lines<impl Write>,
 ) -> ExitCode {
     let mut wrong = 0;
     for path in plans {

@@ -32,8 +32,8 @@ use thiserror::Error;
 
 use crate::exit_code::USAGE;
 use crate::locale::Environment;
-use crate::people::PeopleOutput;
 use crate::phrases::in_language;
+use crate::wording::Lines;
 use report::FigureReport;
 use table::{ReadingOptions, TableError};
 
@@ -169,8 +169,10 @@ pub(crate) fn run(args: &Args) -> ExitCode {
             ExitCode::SUCCESS
         }
         Ok(outcome) => {
-            let mut out = PeopleOutput::standard();
-            out.write(&harmless(&outcome.report.table(out.lang())));
+            let mut out = Lines::to_stdout();
+            let lang = out.wording.lang();
+            // A reader that has seen enough is no error.
+            let _ = out.write_as_it_is(&harmless(&outcome.report.table(lang)));
             ExitCode::SUCCESS
         }
         Err(ComputeError::Refused(refusal)) => {

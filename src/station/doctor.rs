@@ -21,10 +21,10 @@ use holders::Proc;
 
 use crate::files;
 use crate::locale::Lang;
-use crate::people::PeopleOutput;
 use crate::phrases::in_language;
 use crate::refusal::CommandRefusal;
 use crate::setup::{BENCH_FILE, RECORDS};
+use crate::wording::Lines;
 
 /// Exit code when a fault makes a test of a module impossible.
 const ILL: u8 = 1;
@@ -122,10 +122,10 @@ impl fmt::Display for Finding {
 /// Checks the bench and prints the findings. `named` is the bench file of the command line.
 pub(crate) fn run(named: Option<&Path>, records: Option<&Path>) -> ExitCode {
     let findings = look(named, records, &Sys::default(), &Proc::default());
-    let mut out = PeopleOutput::standard();
+    let mut out = Lines::to_stdout();
     for finding in &findings {
-        let line = finding.line(out.lang());
-        out.write(&format!("{line}\n"));
+        // A reader that has seen enough is no error.
+        let _ = out.say_as_it_is(finding.line(out.wording.lang()));
     }
     match findings.iter().map(|finding| finding.health).max() {
         Some(Health::Bad) => ExitCode::from(ILL),

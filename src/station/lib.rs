@@ -16,7 +16,6 @@ mod files;
 mod help_files;
 mod hook;
 mod locale;
-mod people;
 mod phrases;
 mod ports;
 mod recompute;

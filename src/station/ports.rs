@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use gnc_text::printable;
 use serialport::SerialPortType;
 
-use crate::people::PeopleOutput;
+use crate::wording::Lines;
 
 /// Lists the serial ports of this computer.
 pub(crate) fn run() -> ExitCode {
@@ -13,7 +13,7 @@ pub(crate) fn run() -> ExitCode {
         Ok(ports) => ports,
         Err(error) => return crate::refusal::refuse(format_args!("cannot list the serial ports: {error}"), ""),
     };
-    let mut out = PeopleOutput::standard();
+    let mut out = Lines::to_stdout();
     if ports.is_empty() {
         out.say("this computer has no serial port; plug in an adapter, or use --sim");
     }

@@ -228,6 +228,12 @@ impl<W: Write> Lines<W> {
         Self { out, wording: Wording::of_locale() }
     }
 
+    /// Another language than that of the locale.
+    #[cfg(test)]
+    pub(crate) fn in_language(out: W, lang: Lang) -> Self {
+        Self { out, wording: Wording::new(lang) }
+    }
+
     /// Writes one or more lines.
     ///
     /// # Errors
@@ -254,6 +260,14 @@ impl<W: Write> Lines<W> {
     /// As [`Lines::try_say`].
     pub(crate) fn say_as_it_is(&mut self, line: impl std::fmt::Display) -> io::Result<()> {
         writeln!(self.out, "{line}")
+    }
+
+    /// Writes whole lines that are in the language already.
+    ///
+    /// # Errors
+    /// As [`Lines::try_say`].
+    pub(crate) fn write_as_it_is(&mut self, lines: &str) -> io::Result<()> {
+        self.out.write_all(lines.as_bytes())
     }
 
     /// Writes what is left.

@@ -9,8 +9,8 @@ use serde_json::{Map, Value, json};
 
 use super::table::{Columns, RecordClock};
 use crate::locale::Lang;
-use crate::people::columns_of;
 use crate::phrases::in_language;
+use crate::wording::width as width_of;
 
 /// Named figures in the order in which people read them.
 pub(super) struct FigureReport {
@@ -312,7 +312,7 @@ fn plain(value: &Value, lang: Lang) -> String {
         Value::Array(items) => items.iter().map(|item| plain(item, lang)).collect::<Vec<_>>().join(" "),
         Value::Bool(is) => {
             let word = in_language(if *is { "true" } else { "false" }, lang);
-            format!("{:1$}{word}", "", 13_usize.saturating_sub(columns_of(&word)))
+            format!("{:1$}{word}", "", 13_usize.saturating_sub(width_of(&word)))
         }
         other => format!("{other:>13}"),
     }
@@ -352,13 +352,13 @@ fn grid(text: &mut String, key: &str, columns: &[&str], rows: &[Vec<Value>], lan
     let widths: Vec<usize> = columns
         .iter()
         .enumerate()
-        .map(|(c, name)| cells.iter().map(|row| columns_of(&row[c])).chain([columns_of(name)]).max().unwrap_or(0))
+        .map(|(c, name)| cells.iter().map(|row| width_of(&row[c])).chain([width_of(name)]).max().unwrap_or(0))
         .collect();
     let _ = writeln!(text, "  {key}");
     let mut line = |cells: &mut dyn Iterator<Item = &str>| {
         text.push_str("   ");
         for (cell, width) in cells.zip(&widths) {
-            let _ = write!(text, " {:1$}{cell}", "", width.saturating_sub(columns_of(cell)));
+            let _ = write!(text, " {:1$}{cell}", "", width.saturating_sub(width_of(cell)));
         }
         text.push('\n');
     };

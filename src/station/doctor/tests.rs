@@ -36,7 +36,7 @@ fn speak_all(findings: &[Finding], names: &[&str]) {
             let line = finding.line(lang);
             english::holds_none(&english, &line, lang, &is_name);
             // What was found begins in the same column.
-            let begins = line.char_indices().find(|(at, _)| crate::people::columns_of(&line[..*at]) >= 9);
+            let begins = line.char_indices().find(|(at, _)| crate::wording::width(&line[..*at]) >= 9);
             assert!(begins.is_some_and(|(at, c)| line[..at].ends_with(' ') && c != ' '), "{line}");
         }
     }

@@ -54,6 +54,9 @@ fn no_line_passes_by() {
         ("records/list.rs", include_str!("../records/list.rs"), 2),
         ("export.rs", include_str!("../export.rs"), 0),
         ("recompute.rs", include_str!("../recompute.rs"), 0),
+        ("check.rs", include_str!("../check.rs"), 0),
+        ("doctor.rs", include_str!("../doctor.rs"), 0),
+        ("ports.rs", include_str!("../ports.rs"), 0),
         ("auto.rs", include_str!("../auto.rs"), 0),
         ("auto/face.rs", include_str!("../auto/face.rs"), 1),
     ] {
