@@ -34,12 +34,12 @@ fn check(
     let mut wrong = 0;
     for path in plans {
         match about(path, abilities, part) {
-            Ok(good) => out.say(good),
+            Ok(good) => out.say_sentences(good),
             Err(refusal) => {
                 wrong += 1;
-                out.say(refusal.what);
+                out.say_sentences(refusal.what);
                 if !refusal.try_this.is_empty() {
-                    out.say(format_args!("  try: {}", refusal.try_this));
+                    out.say_sentences(format_args!("  try: {}", refusal.try_this));
                 }
             }
         }

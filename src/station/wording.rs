@@ -247,6 +247,15 @@ impl<W: Write> Lines<W> {
         let _ = self.try_say(english);
     }
 
+    /// Writes lines that are sentences and no rows of a table: their indent may belong to the sentence, and what stands in
+    /// columns in them is quoted. A reader that has seen enough is no error.
+    pub(crate) fn say_sentences(&mut self, english: impl std::fmt::Display) {
+        let english = english.to_string();
+        for line in english.strip_suffix('\n').unwrap_or(&english).split('\n') {
+            let _ = writeln!(self.out, "{}", in_language(line, self.wording.lang));
+        }
+    }
+
     /// Writes what is said of something: a run, a part of the records.
     pub(crate) fn say_of(&mut self, what: &str, english: impl std::fmt::Display) {
         let colon = if self.wording.lang == Lang::Zh { "：" } else { ": " };
