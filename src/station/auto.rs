@@ -35,6 +35,9 @@ pub(crate) use junit::JunitFile;
 /// Largest number of events that wait for a blocked terminal: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;
 
+/// What to do after a stop left rounds undone.
+const STOPPED_TRY: &str = "start the command again for the rounds that are left";
+
 /// Runs the plan as often as asked. The worst outcome decides the exit code.
 pub(crate) fn run(args: &RunArgs) -> ExitCode {
     let mut junit = match args.junit.as_deref().map(JunitFile::begin).transpose() {
@@ -183,8 +186,14 @@ pub(crate) async fn all_rounds(
     }
     if let Some(refused) = &done.refused {
         complain(with_causes(refused), &refused.try_this());
-        if let Some(junit) = shown.junit {
+        if let Some(junit) = &mut shown.junit {
             junit.refused(&with_causes(refused), &refused.try_this());
+        }
+    }
+    if let Some(stopped) = &done.stopped {
+        complain(stopped, STOPPED_TRY);
+        if let Some(junit) = shown.junit {
+            junit.refused(&stopped.to_string(), STOPPED_TRY);
         }
     }
     if done.verdicts.len() > 1 {
