@@ -10,7 +10,7 @@ use chrono::{DateTime, FixedOffset, NaiveDateTime, NaiveTime, TimeDelta};
 use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 
-use crate::store::chain::LateCloses;
+use crate::store::chain::{self, LateCloses};
 use crate::store::reader::{self, FoundRun};
 
 /// Largest number of runs of one day that are read: more than a socket can test.
@@ -121,13 +121,12 @@ impl Shift {
         tried.fold((0, 0), |(passed, all), pass| (passed + usize::from(pass), all + 1))
     }
 
-    /// Counts runs. `judged_before` tells whether a module was judged by a plan before the shift.
+    /// Counts runs in the order in which they were closed. `judged_before` tells whether a module was judged by a plan before the shift.
     fn of(
         since: DateTime<FixedOffset>,
-        mut runs: Vec<WholeRun>,
+        runs: Vec<WholeRun>,
         mut judged_before: impl FnMut(&str, &str) -> bool,
     ) -> Self {
-        runs.sort_by_key(|run| run.started);
         let mut modules: Vec<ModuleOfShift> = Vec::new();
         let mut firsts: HashMap<(&str, &str), bool> = HashMap::new();
         for run in runs.iter().filter(|run| run.is_judged()) {
@@ -195,6 +194,7 @@ impl ShiftBook {
                 self.read.insert(path.clone(), run);
             }
         }
+        let paths = chain::by_close(&self.of.records, paths);
         let runs = paths.iter().filter_map(|path| self.read.get(path)?.clone());
         let runs = runs.filter(|run| (since..=now).contains(&run.started)).collect();
         let (of, known) = (&self.of, &mut self.judged_before);

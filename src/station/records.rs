@@ -62,7 +62,7 @@ fn summary(word: &str, run: &RunRecord, kept: Seal) -> String {
         remarks.push_str(&format!(" {}", flaw.words().unwrap_or_default()));
     }
     let (serial_number, plan) = (printable(&run.serial_number), printable(&run.plan.name));
-    format!("{word:<12}{}  {serial_number:<16} {plan:<12}{remarks:<20}", run.started.format("%F %T"))
+    format!("{word:<11} {}  {serial_number:<16} {plan:<12}{remarks:<20}", run.started.format("%F %T"))
 }
 
 fn show(folder: &Path) -> ExitCode {

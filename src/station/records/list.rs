@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
-use gnc_executive::standing::Seal;
+use gnc_executive::standing::{Flaw, Seal};
 use gnc_executive::verdict::Verdict;
 use gnc_records::standing::Seals;
 use gnc_records::store::reader::{self, Found, FoundRun, Wanted};
@@ -17,6 +17,9 @@ use crate::args::ListArgs;
 use crate::refusal::refuse;
 use table::Line;
 
+/// The word for a run that judged old samples again.
+const REJUDGED: &str = "rejudged";
+
 impl ListArgs {
     fn wanted(&self) -> Wanted<'_> {
         Wanted {
@@ -26,10 +29,16 @@ impl ListArgs {
         }
     }
 
-    fn has(&self, found: &FoundRun) -> bool {
+    fn has(&self, found: &FoundRun, seals: &mut Seals<'_>) -> bool {
         let plan = |plan: &String| found.run.as_ref().is_ok_and(|run| run.plan.name == *plan);
-        let word = word(found);
-        self.plan.as_ref().is_none_or(plan) && (self.outcome.is_empty() || self.outcome.iter().any(|one| one == word))
+        self.plan.as_ref().is_none_or(plan) && (self.outcome.is_empty() || self.has_outcome(found, seals))
+    }
+
+    fn has_outcome(&self, found: &FoundRun, seals: &mut Seals<'_>) -> bool {
+        // The writer of the list reads the chain once more, and tells why it cannot.
+        let Ok(kept) = kept(found, seals) else { return true };
+        let (word, worth) = (word(found, kept), worth(found, kept));
+        self.outcome.iter().any(|one| one == word || Some(one.as_str()) == worth)
     }
 
     fn wants_all(&self) -> bool {
@@ -44,18 +53,33 @@ pub(super) fn verdict(found: &FoundRun) -> Option<Verdict> {
     found.run.as_ref().ok().filter(|_| found.state() == Found::Closed).map(|run| run.verdict)
 }
 
-/// The verdict of a closed run, else the state of its folder.
-pub(super) fn word(found: &FoundRun) -> &'static str {
-    verdict(found).map_or_else(|| found.state().as_str(), Verdict::as_str)
+/// Why the verdict of a closed run counts for nothing, in the word of `--outcome`; `None` if it may count.
+fn worth(found: &FoundRun, kept: Option<Seal>) -> Option<&'static str> {
+    let is_rejudged = verdict(found).is_some() && found.run.as_ref().is_ok_and(|run| run.recomputed.is_some());
+    match kept {
+        Some(Seal::Flawed(Flaw::UnderWay)) => Some(Found::Running.as_str()),
+        Some(seal @ Seal::Flawed(_)) => table::seal_word(seal),
+        Some(Seal::Chained) | None => is_rejudged.then_some(REJUDGED),
+    }
 }
 
-/// Lists runs, oldest first.
+/// The verdict of a closed run, else the state of its folder. A good verdict that counts for nothing is called what it is: who
+/// looks for passes must find no other.
+fn word(found: &FoundRun, kept: Option<Seal>) -> &'static str {
+    let good = verdict(found).is_some_and(|verdict| verdict.of_items().is_good());
+    let worth = worth(found, kept).filter(|_| good);
+    worth.unwrap_or_else(|| verdict(found).map_or_else(|| found.state().as_str(), Verdict::as_str))
+}
+
+/// Lists runs in the order in which they were closed.
 pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
     let records = &place.path;
     let runs = match reader::wanted(records, args.wanted()) {
-        Ok(runs) => runs.filter(|found| args.has(found)),
+        Ok(runs) => runs,
         Err(error) => return refuse(gnc_text::with_causes(&error), error.try_this()),
     };
+    let mut seals = Seals::new(records);
+    let runs = runs.filter(|found| args.has(found, &mut seals));
     let out = io::BufWriter::new(io::stdout().lock());
     let written = if args.json {
         as_json(out, records, runs)
@@ -102,12 +126,12 @@ fn for_people(
         none = false;
         let line = match &found.run {
             Ok(run) => {
+                let kept = kept(&found, &mut seals)?;
                 // The word for a run that is not closed stands before.
-                let kept = kept(&found, &mut seals)?.unwrap_or(Seal::Chained);
-                super::summary(word(&found), run, kept)
+                super::summary(word(&found, kept), run, kept.unwrap_or(Seal::Chained))
             }
-            Err(_) if found.running => word(&found).to_owned(),
-            Err(error) => format!("{:<12}{}", word(&found), printable(&gnc_text::with_causes(error))),
+            Err(_) if found.running => word(&found, None).to_owned(),
+            Err(error) => format!("{:<12}{}", word(&found, None), printable(&gnc_text::with_causes(error))),
         };
         writeln!(out, "{line}  {}", printable(&found.place(&place.path)))?;
     }

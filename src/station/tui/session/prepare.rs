@@ -61,7 +61,7 @@ impl Look {
     /// over.
     fn offered(&self) -> Option<Interrupted> {
         let like = self.like()?;
-        let newest = reader::newest_of_module(&self.records, &self.serial_number).take(MAX_LOOKED_AT);
+        let newest = reader::closed_last_of_module(&self.records, &self.serial_number).into_iter().take(MAX_LOOKED_AT);
         let mut runs = newest.filter_map(|folder| reader::read(&folder).ok().map(|run| (folder, run)));
         let (folder, run) = runs.find(|(_, run)| {
             run.serial_number == self.serial_number
