@@ -380,7 +380,8 @@ impl Ready {
             clock::check(at, header.program.build.as_ref(), reader::newest_day(&records))?;
         }
         Self::check_required(request, &records, header.bench.kind)?;
-        let resumed = request.resume.as_deref().map(|run| Resumed::read(run, Like::header(&header))).transpose()?;
+        let like = Like::header(&header, request.plan.plan().valid_days, request.began.unwrap_or_else(clock::now));
+        let resumed = request.resume.as_deref().map(|run| Resumed::read(run, like)).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
         let at = request.began.unwrap_or_else(clock::now);

@@ -18,7 +18,7 @@ use crate::verdict::Verdict;
 
 /// How far a run may lie ahead of the clock and still count: a clock that is set right by its time service jumps back by
 /// seconds to minutes.
-const CLOCK_SLACK: TimeDelta = TimeDelta::minutes(10);
+pub const CLOCK_SLACK: TimeDelta = TimeDelta::minutes(10);
 
 /// Most names of chosen items in a sentence; more are counted.
 const NAMED_ITEMS: usize = 3;

@@ -26,6 +26,7 @@ use gnc_text::{printable, with_causes};
 use crate::args::RunArgs;
 use crate::hook::Hooks;
 use crate::refusal::{CommandRefusal, complain, refuse};
+use crate::serial_number::SerialNumberError;
 use crate::setup::{self, BenchHabits, Setup};
 pub(crate) use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
@@ -76,6 +77,8 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
     let plan = files::plan(path)?;
     let bench = setup::check(args)?;
+    let patterns = [&bench.serial_number, &plan.plan().serial_number].into_iter().flatten();
+    serial_number::check_layout(&serial_number, patterns).map_err(in_words)?;
     let operator = bench.habits.operator(args.operator.as_deref())?;
     let answers =
         Answers::given(&args.answers, plan.plan()).map_err(|wrong| CommandRefusal::new(wrong.what, &wrong.hint))?;
@@ -122,7 +125,11 @@ fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
     let Some(given) = given else {
         return Err(CommandRefusal::new("no serial number is given", "scan it after --serial-number"));
     };
-    serial_number::check(given).map_err(|error| CommandRefusal::new(error, "scan the module's label again"))
+    serial_number::scanned(given).map_err(in_words)
+}
+
+fn in_words(error: SerialNumberError) -> CommandRefusal {
+    CommandRefusal::new(&error, error.try_this())
 }
 
 /// The operator at the terminal.

@@ -1,6 +1,10 @@
 //! Serial numbers as scanned. They come from outside, so they may hold any text.
 
+use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_text::quoted;
+
+use crate::tui::framing::{self, ScanProblem};
+use crate::tui::input::Scanned;
 
 /// Longest serial number; the longest code that a barcode reader of this kind of line gives has 48 characters.
 pub(crate) const MAX_CHARACTERS: usize = 64;
@@ -16,6 +20,51 @@ pub(crate) enum SerialNumberError {
     Control { text: String },
     #[error("the serial number {} contains a character that nobody sees (U+{:04X})", quoted(text), *character as u32)]
     Invisible { text: String, character: char },
+    #[error("the scan holds several fields: {}", quoted(fields))]
+    Fields { fields: String },
+    #[error("{}: the scanner types in another layout", quoted(text))]
+    Layout { text: String },
+}
+
+impl SerialNumberError {
+    /// What the person can try.
+    pub(crate) fn try_this(&self) -> &'static str {
+        match self {
+            Self::Layout { .. } => "switch to English, and scan again",
+            Self::Fields { .. } => "scan the number's own code",
+            _ => "scan the module's label again",
+        }
+    }
+}
+
+/// The serial number that a scanner put on the command line, read as the screen reads a scan: without what scanners put around a
+/// code.
+pub(crate) fn scanned(given: &str) -> Result<String, SerialNumberError> {
+    let scan = Scanned { bytes: given.as_bytes().to_vec(), ended: true, ..Scanned::default() };
+    let text = || given.trim().to_owned();
+    let number = framing::number("", &scan).map_err(|problem| match problem {
+        ScanProblem::Empty => SerialNumberError::Empty,
+        ScanProblem::TooLong { characters } => SerialNumberError::TooLong { characters },
+        ScanProblem::Control => SerialNumberError::Control { text: text() },
+        ScanProblem::Fields(fields) => SerialNumberError::Fields { fields },
+        ScanProblem::Layout(text) => SerialNumberError::Layout { text },
+        ScanProblem::Invisible(character) => SerialNumberError::Invisible { text: text(), character },
+    })?;
+    check(&number)
+}
+
+/// Refuses a number in letters of another layout of the keyboard than that of the label, unless patterns ask for just these
+/// letters, those of bench and plan.
+pub(crate) fn check_layout<'a>(
+    number: &str,
+    patterns: impl IntoIterator<Item = &'a SerialNumberPattern>,
+) -> Result<(), SerialNumberError> {
+    let mut patterns = patterns.into_iter().peekable();
+    let asked_for = patterns.peek().is_some() && patterns.all(|pattern| pattern.fits(number));
+    if framing::is_other_layout(number) && !asked_for {
+        return Err(SerialNumberError::Layout { text: number.to_owned() });
+    }
+    Ok(())
 }
 
 /// Returns the serial number without white space around it, which some scanners add. White space inside belongs to the

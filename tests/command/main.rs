@@ -9,5 +9,6 @@ mod junit;
 mod language;
 mod list;
 mod place;
+mod trust;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");

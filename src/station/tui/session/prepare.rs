@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use gnc_analysis::motion::{self, MotionStep};
+use gnc_bench::clock;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::RunRecord;
 use gnc_records::resume::{Like, ResumeError, Resumed};
@@ -95,7 +96,15 @@ impl Look {
     fn like(&self) -> Option<Like<'_>> {
         let (plan, bench) = (self.held.plan.as_ref()?, self.held.bench.as_ref()?);
         let (plan_sha256, serial_number) = (plan.plan.sha256(), self.serial_number.as_str());
-        Some(Like { plan_sha256, serial_number, bench: &bench.bench, selection: self.selection.as_deref() })
+        let (valid_days, now) = (plan.plan.plan().valid_days, clock::now());
+        Some(Like {
+            plan_sha256,
+            serial_number,
+            bench: &bench.bench,
+            selection: self.selection.as_deref(),
+            valid_days,
+            now,
+        })
     }
 }
 
