@@ -28,6 +28,7 @@ use crate::hook::Hooks;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::serial_number::SerialNumberError;
 use crate::setup::{self, BenchHabits, Setup};
+use crate::tui::framing;
 pub(crate) use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
@@ -125,7 +126,7 @@ fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
     let Some(given) = given else {
         return Err(CommandRefusal::new("no serial number is given", "scan it after --serial-number"));
     };
-    serial_number::scanned(given).map_err(in_words)
+    framing::given(given).map_err(in_words)
 }
 
 fn in_words(error: SerialNumberError) -> CommandRefusal {

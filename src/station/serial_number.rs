@@ -3,9 +3,6 @@
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_text::quoted;
 
-use crate::tui::framing::{self, ScanProblem};
-use crate::tui::input::Scanned;
-
 /// Longest serial number; the longest code that a barcode reader of this kind of line gives has 48 characters.
 pub(crate) const MAX_CHARACTERS: usize = 64;
 
@@ -37,22 +34,6 @@ impl SerialNumberError {
     }
 }
 
-/// The serial number that a scanner put on the command line, read as the screen reads a scan: without what scanners put around a
-/// code.
-pub(crate) fn scanned(given: &str) -> Result<String, SerialNumberError> {
-    let scan = Scanned { bytes: given.as_bytes().to_vec(), ended: true, ..Scanned::default() };
-    let text = || given.trim().to_owned();
-    let number = framing::number("", &scan).map_err(|problem| match problem {
-        ScanProblem::Empty => SerialNumberError::Empty,
-        ScanProblem::TooLong { characters } => SerialNumberError::TooLong { characters },
-        ScanProblem::Control => SerialNumberError::Control { text: text() },
-        ScanProblem::Fields(fields) => SerialNumberError::Fields { fields },
-        ScanProblem::Layout(text) => SerialNumberError::Layout { text },
-        ScanProblem::Invisible(character) => SerialNumberError::Invisible { text: text(), character },
-    })?;
-    check(&number)
-}
-
 /// Refuses a number in letters of another layout of the keyboard than that of the label, unless patterns ask for just these
 /// letters, those of bench and plan.
 pub(crate) fn check_layout<'a>(
@@ -61,7 +42,7 @@ pub(crate) fn check_layout<'a>(
 ) -> Result<(), SerialNumberError> {
     let mut patterns = patterns.into_iter().peekable();
     let asked_for = patterns.peek().is_some() && patterns.all(|pattern| pattern.fits(number));
-    if framing::is_other_layout(number) && !asked_for {
+    if is_other_layout(number) && !asked_for {
         return Err(SerialNumberError::Layout { text: number.to_owned() });
     }
     Ok(())
@@ -85,6 +66,20 @@ pub(crate) fn check(scanned: &str) -> Result<String, SerialNumberError> {
         return Err(SerialNumberError::Invisible { text: text.to_owned(), character });
     }
     Ok(text.to_owned())
+}
+
+/// Whether a number was typed in another layout of the keyboard than that of the label: Cyrillic or other letters that are
+/// not Latin, or forms of full width from a Chinese input method. Chinese characters are not typed by a scanner, but some
+/// codes hold them.
+pub(crate) fn is_other_layout(number: &str) -> bool {
+    number.chars().any(|character| match character {
+        // Full-width forms, half-width kana, the ideographic space and punctuation.
+        '\u{ff01}'..='\u{ffee}' | '\u{3000}'..='\u{303f}' => true,
+        // Latin with its accents, Chinese characters.
+        '\0'..='\u{24f}' | '\u{1e00}'..='\u{1eff}' | '\u{3400}'..='\u{9fff}' | '\u{f900}'..='\u{faff}' => false,
+        '\u{20000}'..='\u{3ffff}' => false,
+        _ => character.is_alphabetic(),
+    })
 }
 
 /// Whether nobody sees this character, or takes it for a space: with it, one label would have two numbers.

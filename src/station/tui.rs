@@ -6,7 +6,7 @@
 mod decode;
 mod field;
 pub(crate) mod framing;
-pub(crate) mod input;
+mod input;
 mod keymap;
 mod lang;
 mod live;
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
 
 /// The serial number of the command line, as a scan on the screen is read.
 fn number_given(args: &RunArgs, given: &str) -> Result<String, SerialNumberError> {
-    let number = serial_number::scanned(given)?;
+    let number = framing::given(given)?;
     if serial_number::check_layout(&number, []).is_err() {
         // The screen tells what is wrong with bench and plan. A pattern that cannot be read asks for no other letters.
         let of_bench = setup::check(args).ok().and_then(|bench| bench.serial_number);
