@@ -122,11 +122,7 @@ impl Shift {
     }
 
     /// Counts runs in the order in which they were closed. `judged_before` tells whether a module was judged by a plan before the shift.
-    fn of(
-        since: DateTime<FixedOffset>,
-        runs: Vec<WholeRun>,
-        mut judged_before: impl FnMut(&str, &str) -> bool,
-    ) -> Self {
+    fn of(since: DateTime<FixedOffset>, runs: &[WholeRun], mut judged_before: impl FnMut(&str, &str) -> bool) -> Self {
         let mut modules: Vec<ModuleOfShift> = Vec::new();
         let mut firsts: HashMap<(&str, &str), bool> = HashMap::new();
         for run in runs.iter().filter(|run| run.is_judged()) {
@@ -138,7 +134,7 @@ impl Shift {
             let so_far = first_pass.entry(serial_number).or_insert(Some(true));
             *so_far = so_far.zip(tried).map(|(so_far, tried)| so_far && tried);
         }
-        for run in &runs {
+        for run in runs {
             modules.retain(|module| module.serial_number != run.serial_number);
             modules.push(ModuleOfShift {
                 serial_number: run.serial_number.clone(),
@@ -196,9 +192,9 @@ impl ShiftBook {
         }
         let paths = chain::by_close(&self.of.records, paths);
         let runs = paths.iter().filter_map(|path| self.read.get(path)?.clone());
-        let runs = runs.filter(|run| (since..=now).contains(&run.started)).collect();
+        let runs: Vec<WholeRun> = runs.filter(|run| (since..=now).contains(&run.started)).collect();
         let (of, known) = (&self.of, &mut self.judged_before);
-        Shift::of(since, runs, |serial_number, plan| {
+        Shift::of(since, &runs, |serial_number, plan| {
             let key = (serial_number.to_owned(), plan.to_owned());
             *known.entry(key).or_insert_with(|| was_judged(of, serial_number, plan, since))
         })

@@ -29,7 +29,7 @@ use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::serial_number::SerialNumberError;
 use crate::setup::{self, BenchHabits, Setup};
 use crate::tui::framing;
-pub(crate) use crate::version::program;
+use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
 pub(crate) use junit::JunitFile;
@@ -79,7 +79,7 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     let plan = files::plan(path)?;
     let bench = setup::check(args)?;
     let patterns = [&bench.serial_number, &plan.plan().serial_number].into_iter().flatten();
-    serial_number::check_layout(&serial_number, patterns).map_err(in_words)?;
+    serial_number::check_layout(&serial_number, patterns).map_err(|error| in_words(&error))?;
     let operator = bench.habits.operator(args.operator.as_deref())?;
     let answers =
         Answers::given(&args.answers, plan.plan()).map_err(|wrong| CommandRefusal::new(wrong.what, &wrong.hint))?;
@@ -126,11 +126,11 @@ fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
     let Some(given) = given else {
         return Err(CommandRefusal::new("no serial number is given", "scan it after --serial-number"));
     };
-    framing::given(given).map_err(in_words)
+    framing::given(given).map_err(|error| in_words(&error))
 }
 
-fn in_words(error: SerialNumberError) -> CommandRefusal {
-    CommandRefusal::new(&error, error.try_this())
+fn in_words(error: &SerialNumberError) -> CommandRefusal {
+    CommandRefusal::new(error, error.try_this())
 }
 
 /// The operator at the terminal.

@@ -1,6 +1,7 @@
 //! Gives the examples of plans and bench files on a page to the program.
 
 use std::fs;
+use std::io;
 use std::path::Path;
 use std::process::Command;
 
@@ -25,18 +26,20 @@ pub(crate) fn is_bench(example: &str) -> bool {
 }
 
 /// Why the program does not take an example, with all that it leaves out added to it; `None` if it does.
-#[must_use]
-pub(crate) fn refusal(program: &Path, example: &str) -> Option<String> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("writable");
-    fs::create_dir(folder.path().join("pictures")).expect("a folder");
-    write("pictures/tp4.png", "a picture");
+///
+/// # Errors
+/// No folder can be made for it, or the program cannot be started.
+pub(crate) fn refusal(program: &Path, example: &str) -> io::Result<Option<String>> {
+    let folder = tempfile::tempdir()?;
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text);
+    fs::create_dir(folder.path().join("pictures"))?;
+    write("pictures/tp4.png", "a picture")?;
     let mut words = vec!["plan", "check", "plan.toml"];
     if is_bench(example) {
         let whole = |table: &str, rest| if example.contains(table) { "" } else { rest };
         let can = if example.contains("link = \"can\"") { whole("[can]", CAN) } else { "" };
-        write("bench.toml", &[whole("[station]", STATION), can, example, whole("[socket]", SOCKET)].concat());
-        write("plan.toml", &[HEAD, ITEMS[1].1].concat());
+        write("bench.toml", &[whole("[station]", STATION), can, example, whole("[socket]", SOCKET)].concat())?;
+        write("plan.toml", &[HEAD, ITEMS[1].1].concat())?;
         words.extend(["--bench", "bench.toml"]);
     } else {
         // Keys at the top stand before the first table.
@@ -47,9 +50,9 @@ pub(crate) fn refusal(program: &Path, example: &str) -> Option<String> {
         };
         let missing = ITEMS.iter().filter(|(id, _)| !example.contains(&format!("id = \"{id}\"")));
         let items: String = missing.map(|(_, text)| *text).collect();
-        write("plan.toml", &[HEAD, &part(false), &items, &part(true)].concat());
+        write("plan.toml", &[HEAD, &part(false), &items, &part(true)].concat())?;
     }
-    let output = Command::new(program).current_dir(&folder).args(words).output().expect("the station");
+    let output = Command::new(program).current_dir(&folder).args(words).output()?;
     let said = [output.stdout, output.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
-    (!output.status.success()).then_some(said)
+    Ok((!output.status.success()).then_some(said))
 }

@@ -41,7 +41,7 @@ fn run(serial_number: &str, plan: &str, minute: u32, outcome: Outcome) -> WholeR
 
 fn count(mut runs: Vec<WholeRun>) -> Shift {
     runs.sort_by_key(|run| run.started);
-    Shift::of(at("2026-11-23T06:00:00+08:00"), runs, |serial_number, _| serial_number == "OLD")
+    Shift::of(at("2026-11-23T06:00:00+08:00"), &runs, |serial_number, _| serial_number == "OLD")
 }
 
 #[test]

@@ -101,7 +101,7 @@ fn no_number_of_later_runs_hides_a_failure() {
     shelf.open("functional", "2026-11-28T14:31:05+08:00", failed_item);
     for second in 0..60 {
         shelf.open("burn-in", &format!("2026-11-28T14:40:{second:02}+08:00"), |record| {
-            record["outcome"] = "aborted".into()
+            record["outcome"] = "aborted".into();
         });
     }
     assert!(!shelf.standing_at(LATER).passes_beyond_doubt(), "{}", shelf.standing_at(LATER));
