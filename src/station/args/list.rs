@@ -48,7 +48,7 @@ pub(crate) struct ListArgs {
     /// Lists the runs of the plan with this name.
     #[arg(long, value_name = "NAME")]
     pub(crate) plan: Option<String>,
-    /// Lists the runs that ended so, or that are in one of these states. "passed", "marginal" and "partial" are those alone
+    /// Lists the runs that ended so, or that are in one of these states. "passed" and "marginal" are those alone
     /// that count: closed, held by the chain, and not judged again.
     #[arg(long, value_name = "A,B", value_delimiter = ',', value_parser = PossibleValuesParser::new(OUTCOMES))]
     pub(crate) outcome: Vec<String>,

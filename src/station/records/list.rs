@@ -63,11 +63,11 @@ fn worth(found: &FoundRun, kept: Option<Seal>) -> Option<&'static str> {
     }
 }
 
-/// The verdict of a closed run, else the state of its folder. A good verdict that counts for nothing is called what it is: who
+/// The verdict of a closed run, else the state of its folder. A pass that counts for nothing is called what it is: who
 /// looks for passes must find no other.
 fn word(found: &FoundRun, kept: Option<Seal>) -> &'static str {
-    let good = verdict(found).is_some_and(|verdict| verdict.of_items().is_good());
-    let worth = worth(found, kept).filter(|_| good);
+    let passes = verdict(found).is_some_and(Verdict::passes_module);
+    let worth = worth(found, kept).filter(|_| passes);
     worth.unwrap_or_else(|| verdict(found).map_or_else(|| found.state().as_str(), Verdict::as_str))
 }
 
