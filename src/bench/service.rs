@@ -7,6 +7,7 @@
 
 mod plan;
 
+use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -125,6 +126,14 @@ impl Rounds {
         }
     }
 
+    fn count(self) -> Option<u32> {
+        match self {
+            Self::Once => Some(1),
+            Self::Count(count) => Some(count),
+            Self::For(_) => None,
+        }
+    }
+
     fn are_over(self, round: u32, took: Duration) -> bool {
         match self {
             Self::Once => true,
@@ -224,13 +233,37 @@ pub struct RunsDone {
     pub verdicts: Vec<Verdict>,
     /// Why the last round was not begun.
     pub refused: Option<ServiceError>,
+    /// The stop that left rounds undone, if one did.
+    pub stopped: Option<StoppedRounds>,
+}
+
+/// A person or a signal ended the rounds before all of them were begun.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StoppedRounds {
+    /// Who asked for the stop: "ctrl-C", "SIGTERM", "SIGHUP" or "the operator".
+    pub by: &'static str,
+    /// Rounds that were begun.
+    pub begun: u32,
+    /// Rounds that were asked for; `None` if they were to go on for a time.
+    pub of: Option<u32>,
+}
+
+impl fmt::Display for StoppedRounds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { by, begun, of } = self;
+        match of {
+            Some(of) => write!(f, "stopped by {by}: {} of {of} rounds were not begun", of.saturating_sub(*begun)),
+            None => write!(f, "stopped by {by} after round {begun}, before the time for rounds was over"),
+        }
+    }
 }
 
 impl RunsDone {
-    /// The worst verdict.
+    /// The worst verdict. Rounds that a stop left undone make it aborted: what was asked for was not done.
     #[must_use]
     pub fn verdict(&self) -> Verdict {
-        Verdict::worst(self.verdicts.iter().copied()).unwrap_or(Verdict::Module(Outcome::Errored))
+        let worst = Verdict::worst(self.verdicts.iter().copied()).unwrap_or(Verdict::Module(Outcome::Errored));
+        if self.stopped.is_some() { worst.at_least(Outcome::Aborted) } else { worst }
     }
 }
 
@@ -251,7 +284,7 @@ pub async fn run(
     let rounds = if request.resume.is_some() { Rounds::Once } else { request.rounds };
     let mut ready = Ready::open(request, equipment)?;
     let began = Instant::now();
-    let mut verdicts = Vec::new();
+    let (mut verdicts, mut stopped) = (Vec::new(), None);
     for round in 1.. {
         ready.order.header.looped = rounds.looped(round);
         let ending = match ready.round(request.began, control, live, observer).await {
@@ -259,18 +292,22 @@ pub async fn run(
             Err(refused) if verdicts.is_empty() => return Err(refused),
             Err(refused) => {
                 verdicts.push(Verdict::new(Outcome::Errored, request.selection.is_some()));
-                return Ok(RunsDone { verdicts, refused: Some(refused) });
+                return Ok(RunsDone { verdicts, refused: Some(refused), stopped: None });
             }
         };
         verdicts.push(ending.verdict);
         let bad = !ending.verdict.of_items().is_good() && request.on_fail == Some(OnFail::Stop);
-        let stopped = control.asked().times > 0;
+        let over = rounds.are_over(round, began.elapsed());
+        let asked = control.asked();
+        if asked.times > 0 && !over {
+            stopped = Some(StoppedRounds { by: asked.by, begun: round, of: rounds.count() });
+        }
         let unrecorded = ending.store_error.is_some();
-        if rounds.are_over(round, began.elapsed()) || bad || stopped || unrecorded || !ending.begun {
+        if over || bad || stopped.is_some() || unrecorded || !ending.begun {
             break;
         }
     }
-    Ok(RunsDone { verdicts, refused: None })
+    Ok(RunsDone { verdicts, refused: None, stopped })
 }
 
 /// What the log says of a sub-unit that is built into another module.
@@ -343,7 +380,8 @@ impl Ready {
             clock::check(at, header.program.build.as_ref(), reader::newest_day(&records))?;
         }
         Self::check_required(request, &records, header.bench.kind)?;
-        let resumed = request.resume.as_deref().map(|run| Resumed::read(run, Like::header(&header))).transpose()?;
+        let like = Like::header(&header, request.plan.plan().valid_days, request.began.unwrap_or_else(clock::now));
+        let resumed = request.resume.as_deref().map(|run| Resumed::read(run, like)).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
         let at = request.began.unwrap_or_else(clock::now);

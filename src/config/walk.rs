@@ -163,6 +163,12 @@ impl<'w, 't> TomlTable<'w, 't> {
         Some((text, entry.span()))
     }
 
+    /// A text that must be there and may be empty.
+    pub fn required_any_text(&self, key: &'static str, hint: &str) -> Option<(&'t str, Span)> {
+        let entry = self.required(key, hint)?;
+        Some((entry.text()?, entry.span()))
+    }
+
     /// A truth value; false if the key is absent.
     pub fn flag(&self, key: &'static str) -> bool {
         self.entry(key).and_then(|entry| entry.flag()).unwrap_or(false)

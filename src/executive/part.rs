@@ -31,6 +31,21 @@ impl PartName {
             && revision.is_none_or(|revision| revision == revision_key(self.revision.as_deref().unwrap_or_default()))
     }
 
+    /// Whether there is no part number, only blanks in its place.
+    pub fn is_blank(&self) -> bool {
+        key(&self.number).is_empty()
+    }
+
+    /// Whether a module that says this of itself says that it is another part than was asked for. Without a part number it
+    /// says at most another revision.
+    pub fn contradicts(&self, asked: &PartName) -> bool {
+        if !self.is_blank() {
+            return !self.is_asked_for_by(asked);
+        }
+        let said = self.revision.as_deref().map(revision_key).filter(|revision| !revision.is_empty());
+        asked.revision.as_deref().map(revision_key).zip(said).is_some_and(|(asked, said)| asked != said)
+    }
+
     /// What two names have in common if they mean the same.
     pub(crate) fn key(&self) -> PartKey {
         PartKey { number: key(&self.number), revision: self.revision.as_deref().map(revision_key) }
@@ -132,6 +147,24 @@ mod tests {
             let module = PartName::new("A/1.2  x", Some(says));
             assert!(module.is_asked_for_by(&PartName::new("a/1.2 X", Some("-"))), "{says}");
             assert_eq!(module.to_string(), "A/1.2  x without revision");
+        }
+    }
+
+    /// A module whose memory was never written says blanks.
+    #[test]
+    fn a_module_without_a_number_contradicts_at_most_a_revision() {
+        for (number, revision, asked, contradicts) in [
+            ("", None, Some("C"), false),
+            ("  ", Some(""), Some("C"), false),
+            (" ", Some("-"), None, false),
+            ("", Some("c"), Some("C"), false),
+            ("", Some("D"), Some("C"), true),
+            ("X", Some("C"), Some("C"), true),
+            ("A", Some("C"), None, false),
+        ] {
+            let (module, asked) = (PartName::new(number, revision), PartName::new("A", asked));
+            assert_eq!(module.contradicts(&asked), contradicts, "{module} {asked}");
+            assert_eq!(module.is_blank(), number.trim().is_empty());
         }
     }
 

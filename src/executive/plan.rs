@@ -89,7 +89,7 @@ use crate::serial_number::SerialNumberPattern;
 use crate::uncertainty::Decision;
 
 pub use params::{ParamError, ParamValue, Params};
-pub use question::{AnswerError, DONE, Question, QuestionKind, QuestionWords};
+pub use question::{AnswerError, DONE, Question, QuestionKind, QuestionWords, YES};
 pub use resume::ResumeRules;
 pub use schema::plan_schema;
 
@@ -145,15 +145,26 @@ pub struct Plan {
 
 /// A plan requires a part that it names, and the module is none.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the plan has no limits for part {module}, and requires such")]
 pub struct PartNotNamed {
     /// The module.
     pub module: PartName,
 }
 
+impl fmt::Display for PartNotNamed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.module.is_blank() {
+            return f.write_str("the limits of the plan depend on the part number, and the module says none");
+        }
+        write!(f, "the plan has no limits for part {}, and requires such", self.module)
+    }
+}
+
 impl PartNotNamed {
     /// What people can try.
     pub fn try_this(&self) -> &'static str {
+        if self.module.is_blank() {
+            return "test the module with --part, or use a plan without tables [part.NAME]";
+        }
         "use the plan for this part, or write a table [part.NAME] for it into this plan"
     }
 }
@@ -275,11 +286,15 @@ impl Plan {
         self.parts.iter().map(|table| &table.name)
     }
 
-    /// Chooses the limits for a module: those of its revision, else of its part, else the plan's own.
+    /// Chooses the limits for a module: those of its revision, else of its part, else the plan's own. A module without a part
+    /// number has none, where they depend on it.
     ///
     /// # Errors
     /// [`PartNotNamed`].
     pub fn choose_limits(&self, module: &PartName) -> Result<LimitsChosen, PartNotNamed> {
+        if module.is_blank() && self.has_parts() {
+            return Err(PartNotNamed { module: module.clone() });
+        }
         let own = module.revision.as_ref().and_then(|_| self.table(module));
         let table = own.or_else(|| self.table(&PartName { revision: None, ..module.clone() }));
         // A part of which only other revisions have limits is named too, but not this revision of it.

@@ -18,7 +18,7 @@ use crate::verdict::Verdict;
 
 /// How far a run may lie ahead of the clock and still count: a clock that is set right by its time service jumps back by
 /// seconds to minutes.
-const CLOCK_SLACK: TimeDelta = TimeDelta::minutes(10);
+pub const CLOCK_SLACK: TimeDelta = TimeDelta::minutes(10);
 
 /// Most names of chosen items in a sentence; more are counted.
 const NAMED_ITEMS: usize = 3;
@@ -233,6 +233,8 @@ pub struct PastRun {
     pub items: Option<Vec<String>>,
     /// Whether a program played the module.
     pub simulated: bool,
+    /// Whether its record is known to be another one than was closed, so that nothing in it can be believed.
+    pub is_broken: bool,
     /// Why it does not count; empty if it does.
     pub flaws: Vec<Flaw>,
 }
@@ -240,7 +242,7 @@ pub struct PastRun {
 impl PastRun {
     /// A run of which only the name of its folder is known.
     pub fn nameless(plan: String, at: Option<DateTime<FixedOffset>>, flaw: Flaw) -> Self {
-        Self { at, plan, verdict: None, items: None, simulated: false, flaws: vec![flaw] }
+        Self { at, plan, verdict: None, items: None, simulated: false, is_broken: false, flaws: vec![flaw] }
     }
 
     /// A run with what is known of it, and why it does not count.
@@ -251,6 +253,7 @@ impl PastRun {
             verdict: facts.verdict,
             items: facts.selection.clone(),
             simulated: facts.bench == BenchKind::Simulated,
+            is_broken: false,
             flaws,
         }
     }
@@ -272,8 +275,11 @@ impl PastRun {
         may_be_of_it && (failed || self.flaws.iter().any(hides))
     }
 
-    /// Whether a pass before this run is in doubt because of it.
+    /// Whether a pass before this run is in doubt because of it. A run whose record was altered is a doubt whatever it says.
     pub fn is_doubt(&self, of: BenchKind) -> bool {
+        if self.is_broken {
+            return true;
+        }
         let of_this_world = of == BenchKind::Simulated || !self.simulated;
         let good = self.verdict.is_some_and(|verdict| verdict.of_items().is_good());
         of_this_world && !self.flaws.contains(&Flaw::Rejudged) && !good
@@ -337,6 +343,10 @@ impl fmt::Display for PastRun {
         if let Some(at) = self.at {
             write!(f, " {}", at.format("%F %H:%M"))?;
         }
+        // On a simulated bench that is no flaw, and still no evidence.
+        if self.simulated && !self.flaws.contains(&Flaw::Simulated) {
+            f.write_str(", simulated")?;
+        }
         let flaws: Vec<&str> = self.flaws.iter().filter_map(|flaw| flaw.words()).collect();
         if flaws.is_empty() { Ok(()) } else { write!(f, ": {}", flaws.join(", ")) }
     }
@@ -348,9 +358,6 @@ impl fmt::Display for Standing {
         match (&self.counts, &self.beside) {
             (Some(counts), beside) => {
                 write!(f, "{counts}")?;
-                if counts.simulated {
-                    f.write_str(", simulated")?;
-                }
                 beside.as_ref().map_or(Ok(()), |beside| write!(f, "; then {beside}"))
             }
             (None, Some(beside)) if beside.plan == self.plan => write!(f, "{beside}"),
@@ -387,6 +394,6 @@ mod tests {
 
     fn nameless(plan: &str, flaw: Option<Flaw>) -> PastRun {
         let flaws = flaw.into_iter().collect();
-        PastRun { at: None, plan: plan.into(), verdict: None, items: None, simulated: false, flaws }
+        PastRun { at: None, plan: plan.into(), verdict: None, items: None, simulated: false, is_broken: false, flaws }
     }
 }

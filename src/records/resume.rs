@@ -10,11 +10,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use chrono::{DateTime, FixedOffset, TimeDelta};
 use gnc_analysis::capture::Capture;
 use gnc_executive::catalogue::Trace;
 use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, OtherModule, RunHeader};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::LimitsChosen;
+use gnc_executive::standing::CLOCK_SLACK;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use sha2::{Digest as _, Sha256};
@@ -26,6 +28,10 @@ use crate::store::{self, DIGESTS, JOURNAL, digest};
 
 /// Largest number of runs, each of which took up the one before, that are searched for captures.
 const MAX_EARLIER: usize = 20;
+/// Tenths of one.
+const TENTHS: i64 = 10;
+/// Seconds of a day.
+const SECONDS_OF_DAY: i64 = 86_400;
 /// The calibration of a module whose board cannot tell it.
 const UNKNOWN: &str = "unknown";
 
@@ -57,6 +63,30 @@ pub enum ResumeError {
     /// The run ended, but without digests its files cannot be checked.
     #[error("the run to resume ended, and its {DIGESTS} is missing")]
     Unsealed,
+    /// The captures are older than a pass may be.
+    #[error(
+        "the run to resume began {}, {} days ago, and the plan takes nothing older than {valid_days} days",
+        began.format("%F %H:%M"), days(*age)
+    )]
+    TooOld {
+        /// When it began.
+        began: DateTime<FixedOffset>,
+        /// How long ago that is.
+        age: TimeDelta,
+        /// Days for which a pass of the plan counts.
+        valid_days: u32,
+    },
+    /// The clock was set back since then, so nobody knows how old the captures are.
+    #[error(
+        "the run to resume began {}, later than this computer's clock ({})",
+        began.format("%F %H:%M"), now.format("%F %H:%M")
+    )]
+    InFuture {
+        /// When it began.
+        began: DateTime<FixedOffset>,
+        /// The time by the clock of the computer.
+        now: DateTime<FixedOffset>,
+    },
     /// The run was closed late, so nothing proves that its samples are those that were captured.
     #[error("the run to resume was closed late, so its captures prove nothing")]
     ClosedLate,
@@ -80,9 +110,13 @@ impl ResumeError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Unreadable(error) => error.try_this(),
-            Self::OtherModule(_) | Self::Unlike { .. } | Self::Ended(_) | Self::Unsealed | Self::ClosedLate => {
-                "run the plan from its beginning, without --resume"
-            }
+            Self::OtherModule(_)
+            | Self::Unlike { .. }
+            | Self::Ended(_)
+            | Self::Unsealed
+            | Self::ClosedLate
+            | Self::TooOld { .. } => "run the plan from its beginning, without --resume",
+            Self::InFuture { .. } => "set the clock of this computer right, or run without --resume",
             Self::GoesOn => "wait until that run ends, or stop it where it runs",
             Self::Changed { .. } => "restore the run's folder from a backup, or run without --resume",
             Self::Captures(error) => error.source.try_this(),
@@ -101,19 +135,43 @@ pub struct Like<'a> {
     pub bench: &'a BenchInfo,
     /// Names of the chosen items; `None` for the whole plan.
     pub selection: Option<&'a [String]>,
+    /// Days for which a pass of the plan counts: captures that are older are not taken over.
+    pub valid_days: u32,
+    /// The time by the clock of the computer.
+    pub now: DateTime<FixedOffset>,
 }
 
 impl<'a> Like<'a> {
-    /// The properties of a run with this header.
+    /// The properties of a run with this header that begins now, by a plan whose passes count for so many days.
     #[must_use]
-    pub fn header(header: &'a RunHeader) -> Self {
+    pub fn header(header: &'a RunHeader, valid_days: u32, now: DateTime<FixedOffset>) -> Self {
         Self {
             plan_sha256: &header.plan.sha256,
             serial_number: &header.serial_number,
             bench: &header.bench,
             selection: header.selection.as_deref(),
+            valid_days,
+            now,
         }
     }
+
+    /// Checks that a run which began then is as young as a pass must be: what it captured counts as if it were of now.
+    fn is_young(&self, began: DateTime<FixedOffset>) -> Result<(), ResumeError> {
+        let (now, age) = (self.now, self.now - began);
+        if age < -CLOCK_SLACK {
+            return Err(ResumeError::InFuture { began, now });
+        }
+        if age > TimeDelta::days(i64::from(self.valid_days)) {
+            return Err(ResumeError::TooOld { began, age, valid_days: self.valid_days });
+        }
+        Ok(())
+    }
+}
+
+/// An age in days, rounded up to a tenth: it is never shown as the limit that it exceeds.
+fn days(age: TimeDelta) -> String {
+    let tenths = age.num_seconds().saturating_mul(TENTHS).div_euclid(SECONDS_OF_DAY) + 1;
+    format!("{}.{}", tenths / TENTHS, tenths % TENTHS)
 }
 
 /// An interrupted run.
@@ -164,6 +222,7 @@ impl Resumed {
             Some(_) if !reader::is_sealed(folder) => return Err(ResumeError::Unsealed),
             _ => {}
         }
+        like.is_young(began(&journal).ok_or(ResumeError::Unreadable(ReadError::Empty))?)?;
         unchanged(folder, &state)?;
         let begun: Vec<(usize, String, u32)> = (state.rows().iter().enumerate())
             .filter(|(_, row)| !row.attempts.is_empty())
@@ -262,6 +321,12 @@ fn complete(path: &Path) -> Result<Vec<Capture>, ResumeError> {
     let mut captures = captures::read(path)?.captures;
     captures.retain(|capture| !capture.losses.any() && capture.check_clock().is_ok());
     Ok(captures)
+}
+
+/// When a run began, by the first event of its journal.
+fn began(journal: &[u8]) -> Option<DateTime<FixedOffset>> {
+    let line = journal.split(|byte| *byte == b'\n').next()?;
+    serde_json::from_slice::<Event>(line).ok().map(|event| event.at)
 }
 
 /// Checks a closed run against its digests, and those against the chain. A run that was cut off has neither.

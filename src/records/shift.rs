@@ -10,7 +10,7 @@ use chrono::{DateTime, FixedOffset, NaiveDateTime, NaiveTime, TimeDelta};
 use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 
-use crate::store::chain::LateCloses;
+use crate::store::chain::{self, LateCloses};
 use crate::store::reader::{self, FoundRun};
 
 /// Largest number of runs of one day that are read: more than a socket can test.
@@ -123,13 +123,8 @@ impl Shift {
         tried.fold((0, 0), |(passed, all), pass| (passed + usize::from(pass), all + 1))
     }
 
-    /// Counts runs. `judged_before` tells whether a module was judged by a plan before the shift.
-    fn of(
-        since: DateTime<FixedOffset>,
-        mut runs: Vec<WholeRun>,
-        mut judged_before: impl FnMut(&str, &str) -> bool,
-    ) -> Self {
-        runs.sort_by_key(|run| run.started);
+    /// Counts runs in the order in which they were closed. `judged_before` tells whether a module was judged by a plan before the shift.
+    fn of(since: DateTime<FixedOffset>, runs: &[WholeRun], mut judged_before: impl FnMut(&str, &str) -> bool) -> Self {
         let mut modules: Vec<ModuleOfShift> = Vec::new();
         let mut firsts: HashMap<(&str, &str), bool> = HashMap::new();
         for run in runs.iter().filter(|run| run.is_judged()) {
@@ -141,7 +136,7 @@ impl Shift {
             let so_far = first_pass.entry(serial_number).or_insert(Some(true));
             *so_far = so_far.zip(tried).map(|(so_far, tried)| so_far && tried);
         }
-        for run in &runs {
+        for run in runs {
             modules.retain(|module| module.serial_number != run.serial_number);
             modules.push(ModuleOfShift {
                 serial_number: run.serial_number.clone(),
@@ -197,10 +192,11 @@ impl ShiftBook {
                 self.read.insert(path.clone(), run);
             }
         }
+        let paths = chain::by_close(&self.of.records, paths);
         let runs = paths.iter().filter_map(|path| self.read.get(path)?.clone());
-        let runs = runs.filter(|run| (since..=now).contains(&run.started)).collect();
+        let runs: Vec<WholeRun> = runs.filter(|run| (since..=now).contains(&run.started)).collect();
         let (of, known) = (&self.of, &mut self.judged_before);
-        Shift::of(since, runs, |serial_number, plan| {
+        Shift::of(since, &runs, |serial_number, plan| {
             let key = (serial_number.to_owned(), plan.to_owned());
             *known.entry(key).or_insert_with(|| was_judged(of, serial_number, plan, since))
         })

@@ -25,7 +25,8 @@ use crate::store::{self, DIGESTS, JOURNAL, RECORD, StoreError, chain, name, read
 /// module in a month.
 const MAX_COUNTED: usize = 10_000;
 
-/// Most runs that are opened to find out what to call a module, or what came after the run that counts.
+/// Most runs that are opened to find out what to call a module of which nothing counts. What came after a run that counts is
+/// judged without a bound: old failures must not disappear behind many harmless runs.
 const MAX_NAMED: usize = 50;
 
 /// Longest first line of a journal: it names all items of a plan, at most 20,000.
@@ -46,12 +47,18 @@ pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreEr
     }
     let mut seals = Seals::new(records);
     let Closed { counted, later, missing, exchanged } = closed(records, question, &mut seals)?;
-    let beside = match (&counted, exchanged) {
-        (None, Some(folder)) => past(&folder, question, &mut seals)?,
-        (None, None) => newest(records, question, &mut seals)?,
-        (Some((folder, _)), _) => doubt(records, question, folder, later, &mut seals)?,
+    let missing: Vec<PastRun> = missing.iter().map(|folder| nameless(folder, question, Flaw::Missing)).collect();
+    let gone = missing.first().cloned();
+    standing.beside = match (&counted, exchanged) {
+        (None, Some(folder)) => past(&folder, question, &mut seals)?.or(gone),
+        (None, None) => newest(records, question, &mut seals)?.or(gone),
+        (Some((folder, _)), _) => {
+            let speaks = |run: &PastRun| run.speaks_against(question.plan.name());
+            let found = doubt(records, question, folder, later, &mut seals)?;
+            let against = found.clone().filter(speaks).or_else(|| missing.into_iter().find(speaks));
+            against.or(found).or(gone)
+        }
     };
-    standing.beside = beside.or(missing.map(|folder| nameless(&folder, question, Flaw::Missing)));
     standing.counts = counted.map(|(_, run)| run);
     Ok(standing)
 }
@@ -63,8 +70,8 @@ struct Closed {
     counted: Option<(PathBuf, PastRun)>,
     /// The runs that were closed after that one, the last one first.
     later: Vec<PathBuf>,
-    /// The newest run after that one whose folder is gone.
-    missing: Option<PathBuf>,
+    /// The runs after that one whose folders are gone, the last one first.
+    missing: Vec<PathBuf>,
     /// A run of the plan that ended with another module in the socket. No run before it counts: what became of the module in
     /// it is not known.
     exchanged: Option<PathBuf>,
@@ -95,7 +102,7 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
     for (_, in_time, folder) in closed.into_iter().take(MAX_COUNTED) {
         if !folder.exists() {
             if in_time {
-                found.missing.get_or_insert(folder);
+                found.missing.push(folder);
             }
             continue;
         }
@@ -108,8 +115,16 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
                     break;
                 }
                 Some(_) => found.later.push(folder),
-                // It says nothing of this module, which was never in the socket.
-                None => {}
+                // An altered record may name another module; the journal names the one that was scanned.
+                None => {
+                    let begun = begun(&folder).filter(of_world);
+                    let is_of = begun.is_some_and(|begun| begun.serial_number == question.serial_number);
+                    let seal = seals.seal(&folder)?;
+                    if is_of && seals.is_broken(&folder, seal)? {
+                        found.later.push(folder);
+                    }
+                    // Else it says nothing of this module, which was never in the socket.
+                }
             }
             continue;
         }
@@ -122,9 +137,7 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
                 break;
             }
         }
-        if found.later.len() < MAX_NAMED {
-            found.later.push(folder);
-        }
+        found.later.push(folder);
     }
     Ok(found)
 }
@@ -141,7 +154,7 @@ fn doubt(
 ) -> Result<Option<PastRun>, StoreError> {
     let mut later = closed_later;
     let by_name = reader::newest_of_module(records, question.serial_number).take_while(|folder| folder != counted);
-    for folder in by_name.take(MAX_NAMED) {
+    for folder in by_name {
         if seals.number(&folder)?.is_none() {
             // Before the first of those that are older by their folders too.
             let place = later.iter().position(|closed| reader::when(closed) < reader::when(&folder));
@@ -192,7 +205,24 @@ fn nameless(folder: &Path, question: &Question<'_>, flaw: Flaw) -> PastRun {
     let at = NaiveDateTime::parse_from_str(&time, "%Y-%m-%d %H%M%S").ok();
     // The folder is named by the time of its place, which is mostly this place.
     let at = at.and_then(|at| at.and_local_timezone(question.now.timezone()).earliest());
-    PastRun::nameless(plan_folder(folder), at, flaw)
+    PastRun::nameless(plan_of(folder, question), at, flaw)
+}
+
+/// The plan of a run by the name of its folder, with the number of the second run in a second.
+fn plan_of(folder: &Path, question: &Question<'_>) -> String {
+    let (plan, asked) = (plan_folder(folder), question.plan.name());
+    match after_name(&plan, asked) {
+        Some(number) => format!("{asked}{number}"),
+        None => plan,
+    }
+}
+
+/// What stands behind the name of a plan in that of a folder: nothing, or the number of the second run in a second; `None` if
+/// the folder is that of another plan.
+fn after_name<'a>(folder: &'a str, plan: &str) -> Option<&'a str> {
+    let rest = folder.strip_prefix(&name::of_part(plan))?;
+    let is_number = rest.strip_prefix('-').is_some_and(|number| number.parse::<u32>().is_ok());
+    (rest.is_empty() || is_number).then_some(rest)
 }
 
 /// A run as it is; `None` if it belongs to another module, whose number gives the same name of a folder, or never began.
@@ -200,15 +230,24 @@ fn past(folder: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result
     if store::was_never_begun(folder) && seals.number(folder)?.is_none() {
         return Ok(None);
     }
-    let kept = match seals.seal(folder)? {
+    let seal = seals.seal(folder)?;
+    let is_broken = seals.is_broken(folder, seal)?;
+    let kept = match seal {
         Seal::Chained => None,
         Seal::Flawed(flaw) => Some(flaw),
     };
     let Some(facts) = facts(folder).or_else(|| begun(folder)) else {
         // Nothing tells whose run it is, but it stands among those of this module.
-        return Ok(Some(nameless(folder, question, Flaw::Unreadable)));
+        return Ok(Some(PastRun { is_broken, ..nameless(folder, question, Flaw::Unreadable) }));
     };
-    if facts.serial_number != question.serial_number {
+    let is_named = facts.serial_number == question.serial_number;
+    if let Some(flaw) = kept.filter(|_| is_broken)
+        && !(is_named && after_name(&plan_folder(folder), &facts.plan.name).is_some())
+    {
+        // An altered record may name any module and plan. The name of its folder stands in the chain.
+        return Ok(Some(PastRun { is_broken, ..nameless(folder, question, flaw) }));
+    }
+    if !is_named {
         return Ok(None);
     }
     let mut flaws = facts.flaws(question);
@@ -217,7 +256,7 @@ fn past(folder: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result
         flaws.retain(|flaw| *flaw != Flaw::NoVerdict);
         flaws.insert(0, flaw);
     }
-    Ok(Some(PastRun::new(&facts, flaws)))
+    Ok(Some(PastRun { is_broken, ..PastRun::new(&facts, flaws) }))
 }
 
 /// The part of `run.json` that the standing needs.
@@ -332,6 +371,16 @@ impl<'a> Seals<'a> {
             (false, _) => Seal::Flawed(Flaw::Changed),
             (true, Some(_)) => Seal::Flawed(Flaw::ClosedLate),
             (true, None) => Seal::Chained,
+        })
+    }
+
+    /// Whether the record of a run is known to be another one than was closed: the chain names it, and its digests are others
+    /// or gone.
+    fn is_broken(&mut self, run: &Path, seal: Seal) -> Result<bool, StoreError> {
+        Ok(match seal {
+            Seal::Flawed(Flaw::Changed) => true,
+            Seal::Flawed(Flaw::NotClosed) => self.number(run)?.is_some(),
+            Seal::Flawed(_) | Seal::Chained => false,
         })
     }
 

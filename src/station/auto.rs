@@ -28,8 +28,10 @@ use crate::args::RunArgs;
 use crate::hook::Hooks;
 use crate::phrases::in_language;
 use crate::refusal::{CommandRefusal, complain, refuse};
+use crate::serial_number::SerialNumberError;
 use crate::setup::{self, BenchHabits, Setup};
-pub(crate) use crate::version::program;
+use crate::tui::framing;
+use crate::version::program;
 use crate::{exit_code, files, records, serial_number};
 use face::Face;
 pub(crate) use junit::JunitFile;
@@ -37,6 +39,9 @@ use speaker::Speaker;
 
 /// Largest number of events that wait for a blocked terminal: more than any plan yields in a day.
 const UNREAD_EVENTS: usize = 1 << 16;
+
+/// What to do after a stop left rounds undone.
+const STOPPED_TRY: &str = "start the command again for the rounds that are left";
 
 /// Runs the plan as often as asked. The worst outcome decides the exit code.
 pub(crate) fn run(args: &RunArgs) -> ExitCode {
@@ -76,6 +81,8 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
     let plan = files::plan(path)?;
     let bench = setup::check(args)?;
+    let patterns = [&bench.serial_number, &plan.plan().serial_number].into_iter().flatten();
+    serial_number::check_layout(&serial_number, patterns).map_err(|error| in_words(&error))?;
     let operator = bench.habits.operator(args.operator.as_deref())?;
     let answers =
         Answers::given(&args.answers, plan.plan()).map_err(|wrong| CommandRefusal::new(wrong.what, &wrong.hint))?;
@@ -122,7 +129,11 @@ fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
     let Some(given) = given else {
         return Err(CommandRefusal::new("no serial number is given", "scan it after --serial-number"));
     };
-    serial_number::check(given).map_err(|error| CommandRefusal::new(error, "scan the module's label again"))
+    framing::given(given).map_err(|error| in_words(&error))
+}
+
+fn in_words(error: &SerialNumberError) -> CommandRefusal {
+    CommandRefusal::new(error, error.try_this())
 }
 
 /// The operator at the terminal.
@@ -187,8 +198,14 @@ pub(crate) async fn all_rounds(
     }
     if let Some(refused) = &done.refused {
         complain(with_causes(refused), &refused.try_this());
-        if let Some(junit) = shown.junit {
+        if let Some(junit) = &mut shown.junit {
             junit.refused(&with_causes(refused), &refused.try_this());
+        }
+    }
+    if let Some(stopped) = &done.stopped {
+        complain(stopped, STOPPED_TRY);
+        if let Some(junit) = shown.junit {
+            junit.refused(&stopped.to_string(), STOPPED_TRY);
         }
     }
     if done.verdicts.len() > 1 {

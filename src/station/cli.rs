@@ -1,14 +1,18 @@
 //! The command line.
 
+use std::ffi::{OsStr, OsString};
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 
 use crate::args::{RecordsCommand, RunArgs};
+use crate::auto::JunitFile;
 use crate::exit_code::USAGE;
 use crate::help_files::{self, Shell};
 use crate::records::RecordsArgs;
+use crate::refusal::complain;
 use crate::version;
 
 const EXIT_CODES: &str = "\
@@ -125,12 +129,50 @@ pub(crate) enum PlanCommand {
     },
 }
 
+/// The option that names the report for a CI server.
+const JUNIT: &str = "--junit";
+
+/// Says in each file that the refused command line names as its report that nothing was run: the report of an earlier run that
+/// passed must not stay.
+fn report_refusal(error: &clap::Error) {
+    let words: Vec<OsString> = std::env::args_os().skip(1).collect();
+    let said = error.to_string();
+    let what = said.lines().next().unwrap_or_default().trim_start_matches("error: ");
+    for file in reports(&words, Cli::command().get_subcommands().map(clap::Command::get_name)) {
+        if let Err(refusal) = JunitFile::refuse(&file, what) {
+            complain(refusal.what, &refusal.try_this);
+        }
+    }
+}
+
+/// The files that a command line of runs names with `--junit FILE` or `--junit=FILE`.
+fn reports<'a>(words: &[OsString], commands: impl IntoIterator<Item = &'a str>) -> Vec<PathBuf> {
+    let is_command = |word: &OsString| commands.into_iter().any(|command| word == command);
+    if words.first().is_some_and(is_command) {
+        return Vec::new();
+    }
+    let mut files = Vec::new();
+    let mut words = words.iter().take_while(|word| *word != "--").peekable();
+    while let Some(word) = words.next() {
+        let behind = word.as_bytes().strip_prefix(JUNIT.as_bytes());
+        match behind {
+            Some(b"") => files.extend(words.next_if(|next| !next.as_bytes().starts_with(b"-")).map(PathBuf::from)),
+            Some([b'=', file @ ..]) if !file.is_empty() => files.push(PathBuf::from(OsStr::from_bytes(file))),
+            _ => {}
+        }
+    }
+    files
+}
+
 /// Runs the program.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {
             let _ = error.print();
+            if error.use_stderr() {
+                report_refusal(&error);
+            }
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(USAGE));
         }
     };
@@ -154,5 +196,25 @@ pub fn main() -> ExitCode {
         Some(Command::Man { dir }) => help_files::man(Cli::command(), dir.as_deref()),
         None if cli.run.auto.is_some() => crate::auto::run(&cli.run),
         None => crate::tui::run(&cli.run),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reports_are_named_by_their_option() {
+        let check = |line: &str, files: &[&str]| {
+            let words: Vec<OsString> = line.split(' ').map(OsString::from).collect();
+            let expected: Vec<PathBuf> = files.iter().map(PathBuf::from).collect();
+            assert_eq!(reports(&words, ["ports", "records"]), expected, "{line}");
+        };
+        check("--auto p.toml --junit r.xml --loops x", &["r.xml"]);
+        check("--junit=a/r.xml --junit b.xml --loops x", &["a/r.xml", "b.xml"]);
+        check("--junit --loops x", &[]);
+        check("--junit= --junitx r.xml", &[]);
+        check("--auto p.toml -- --junit r.xml", &[]);
+        check("records list --junit r.xml", &[]);
     }
 }

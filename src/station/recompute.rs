@@ -32,7 +32,7 @@ Exit codes without --plan:
   0  all results are the same, bit for bit
   1  a result differs, or the record is not as it was written
   2  the run cannot be recomputed
-Exit codes with --plan: those of a run, by the verdict under that plan.";
+Exit codes with --plan: those of a run, by the verdict under that plan; 2 if the record is not as it was written.";
 
 /// Judges a run again; with another plan into a new folder beside it.
 pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<&Path>) -> ExitCode {
@@ -71,7 +71,10 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
             "the recomputed results differ from the record",
             "compare the version of this program with that in the record; report this if they are the same",
         ),
-        false => complain("the record is not as it was written", "restore the changed files from a backup"),
+        false => {
+            let error = RunError::NotAsWritten;
+            complain(&error, error.try_this());
+        }
     }
     Ok(ExitCode::from(DIFFERS))
 }
@@ -79,6 +82,15 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
 fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
     let plan = files::plan_to_judge(path).map_err(|refusal| RunError::Plan { what: refusal.what })?;
     let run = RecordedRun::read(folder)?;
+    // A judgement of changed samples would be sealed as if they were the module's.
+    let problems = reader::verify(folder);
+    if !problems.is_empty() {
+        let mut out = Lines::to_stdout();
+        for problem in &problems {
+            out.say_of(&out.wording.text("record"), printable(problem));
+        }
+        return Err(RunError::NotAsWritten);
+    }
     let of = EarlierRun {
         run: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         journal_sha256: digest::of_file(&folder.join(JOURNAL))?,

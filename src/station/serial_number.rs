@@ -1,5 +1,6 @@
 //! Serial numbers as scanned. They come from outside, so they may hold any text.
 
+use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_text::quoted;
 
 /// Longest serial number; the longest code that a barcode reader of this kind of line gives has 48 characters.
@@ -16,6 +17,35 @@ pub(crate) enum SerialNumberError {
     Control { text: String },
     #[error("the serial number {} contains a character that nobody sees (U+{:04X})", quoted(text), *character as u32)]
     Invisible { text: String, character: char },
+    #[error("the scan holds several fields: {}", quoted(fields))]
+    Fields { fields: String },
+    #[error("{}: the scanner types in another layout", quoted(text))]
+    Layout { text: String },
+}
+
+impl SerialNumberError {
+    /// What the person can try.
+    pub(crate) fn try_this(&self) -> &'static str {
+        match self {
+            Self::Layout { .. } => "switch to English, and scan again",
+            Self::Fields { .. } => "scan the number's own code",
+            _ => "scan the module's label again",
+        }
+    }
+}
+
+/// Refuses a number in letters of another layout of the keyboard than that of the label, unless patterns ask for just these
+/// letters, those of bench and plan.
+pub(crate) fn check_layout<'a>(
+    number: &str,
+    patterns: impl IntoIterator<Item = &'a SerialNumberPattern>,
+) -> Result<(), SerialNumberError> {
+    let mut patterns = patterns.into_iter().peekable();
+    let asked_for = patterns.peek().is_some() && patterns.all(|pattern| pattern.fits(number));
+    if is_other_layout(number) && !asked_for {
+        return Err(SerialNumberError::Layout { text: number.to_owned() });
+    }
+    Ok(())
 }
 
 /// Returns the serial number without white space around it, which some scanners add. White space inside belongs to the
@@ -36,6 +66,20 @@ pub(crate) fn check(scanned: &str) -> Result<String, SerialNumberError> {
         return Err(SerialNumberError::Invisible { text: text.to_owned(), character });
     }
     Ok(text.to_owned())
+}
+
+/// Whether a number was typed in another layout of the keyboard than that of the label: Cyrillic or other letters that are
+/// not Latin, or forms of full width from a Chinese input method. Chinese characters are not typed by a scanner, but some
+/// codes hold them.
+pub(crate) fn is_other_layout(number: &str) -> bool {
+    number.chars().any(|character| match character {
+        // Full-width forms, half-width kana, the ideographic space and punctuation.
+        '\u{ff01}'..='\u{ffee}' | '\u{3000}'..='\u{303f}' => true,
+        // Latin with its accents, Chinese characters.
+        '\0'..='\u{24f}' | '\u{1e00}'..='\u{1eff}' | '\u{3400}'..='\u{9fff}' | '\u{f900}'..='\u{faff}' => false,
+        '\u{20000}'..='\u{3ffff}' => false,
+        _ => character.is_alphabetic(),
+    })
 }
 
 /// Whether nobody sees this character, or takes it for a space: with it, one label would have two numbers.

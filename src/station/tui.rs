@@ -6,7 +6,7 @@
 mod decode;
 mod field;
 mod fields;
-mod framing;
+pub(crate) mod framing;
 mod graphics;
 mod input;
 mod keymap;
@@ -44,7 +44,8 @@ use tokio::sync::{mpsc, watch};
 
 use crate::args::{OnFailArg, RunArgs};
 use crate::refusal::{CommandRefusal, complain, refuse};
-use crate::{exit_code, serial_number, setup};
+use crate::serial_number::SerialNumberError;
+use crate::{exit_code, files, serial_number, setup};
 use model::{AfterFailure, Loaded, RoundsSetting, ScreenModel};
 use session::{ScreenSession, Signals};
 use show::{Inbox, ScreenClock};
@@ -81,6 +82,19 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
     }
 }
 
+/// The serial number of the command line, as a scan on the screen is read.
+fn number_given(args: &RunArgs, given: &str) -> Result<String, SerialNumberError> {
+    let number = framing::given(given)?;
+    if serial_number::check_layout(&number, []).is_err() {
+        // The screen tells what is wrong with bench and plan. A pattern that cannot be read asks for no other letters.
+        let of_bench = setup::check(args).ok().and_then(|bench| bench.serial_number);
+        let plan = args.plan.as_deref().and_then(|plan| files::plan(plan).ok());
+        let of_plan = plan.and_then(|plan| plan.plan().serial_number.clone());
+        serial_number::check_layout(&number, [&of_bench, &of_plan].into_iter().flatten())?;
+    }
+    Ok(number)
+}
+
 fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusal> {
     let cannot = |error: io::Error| CommandRefusal::new(format!("cannot start the screen: {error}"), "");
     let runtime = || tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot);
@@ -92,8 +106,8 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
     };
     let clock = ScreenClock { began };
     let plan = args.plan.clone();
-    let serial_number = args.serial_number.as_deref().map(serial_number::check).transpose();
-    let serial_number = serial_number.map_err(|error| CommandRefusal::new(error, "scan the module's label again"))?;
+    let serial_number = args.serial_number.as_deref().map(|given| number_given(args, given)).transpose();
+    let serial_number = serial_number.map_err(|error| CommandRefusal::new(&error, error.try_this()))?;
     let resume = args.resume.as_deref().map(|run| to_resume(args, run)).transpose()?;
     let model = first_model(args, plan.as_deref(), serial_number, resume, clock);
 

@@ -104,6 +104,26 @@ fn every_end_leaves_a_report_of_its_own() {
     assert_eq!(counts(&read()), [1, 0, 1, 0]);
     assert!(read().contains("the run has not ended"), "{}", read());
 
+    // Whatever the command line is refused for.
+    let line = ["--auto", "p.toml", "--sim", "--serial-number", "A"];
+    for (more, said) in [
+        (&["--loops", "x", "--junit", "ci/report.xml"][..], "invalid value"),
+        (&["--junit=ci/report.xml", "--answer", "tp4"], "--answer"),
+        (&["--revision", "C", "--junit", "ci/report.xml"], ""),
+        (&["--junit", "ci/report.xml", "--resume", "r", "--loops", "2"], "cannot be used with"),
+        (&["--junit", "ci/report.xml", "--no-such-option"], "--no-such-option"),
+    ] {
+        fs::write(&report, old).expect("a report");
+        let refused = place.run(line.iter().chain(more));
+        assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+        assert!(counts(&read()) == [1, 0, 1, 0] && read().contains(said), "{more:?}: {}", read());
+    }
+    // No run was asked for.
+    fs::write(&report, old).expect("a report");
+    assert_eq!(place.run(["--help", "--junit", "ci/report.xml"]).code, Some(0));
+    assert_eq!(place.run(["ports", "--junit", "ci/report.xml"]).code, Some(2));
+    assert_eq!(read(), old);
+
     fs::write(&report, old).expect("a report");
     let refused = place.run(["--auto", "gone.toml", "--sim", "--serial-number", "A", "--junit", "ci/report.xml"]);
     assert_eq!(refused.code, Some(2), "{}", refused.stderr);

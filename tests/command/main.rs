@@ -9,6 +9,7 @@ mod junit;
 mod language;
 mod list;
 mod place;
+mod trust;
 mod wording;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");

@@ -1,6 +1,7 @@
 //! The pages for people name only existing links, files, programs and options.
 
 mod commands;
+mod examples;
 mod markdown;
 
 use std::fs;
@@ -96,6 +97,31 @@ fn every_path_is_there() {
 fn every_command_can_be_given() {
     let programs = Programs::of(&repository(), Path::new(STATION)).unwrap();
     none_of(&mistakes_in_code(&pages().unwrap(), |code| programs.mistakes(code)));
+}
+
+/// A reader copies them: the program takes each example of a plan and of a bench file.
+#[test]
+fn every_example_is_taken() {
+    let mut mistakes = Vec::new();
+    let mut seen = [0; 2];
+    for (path, text) in pages().unwrap() {
+        for (line, example) in markdown::blocks(&text, "toml") {
+            seen[usize::from(examples::is_bench(&example))] += 1;
+            let refused = examples::refusal(Path::new(STATION), &example).unwrap();
+            mistakes.extend(refused.map(|why| format!("{}:{line}: the example is refused: {why}", path.display())));
+        }
+    }
+    assert!(seen.iter().all(|count| *count > 2), "where are the examples? {seen:?}");
+    none_of(&mistakes);
+}
+
+#[test]
+fn wrong_examples_are_noticed() {
+    for wrong in
+        ["[shift]\nserial_number = \"SN\"\n", "[resume]\nwiat = \"1 h\"\n", "[[item]]\nid = \"imu\"\ntries = 2\n"]
+    {
+        assert!(examples::refusal(Path::new(STATION), wrong).unwrap().is_some(), "{wrong}");
+    }
 }
 
 #[test]

@@ -43,6 +43,21 @@ pub(crate) fn code(page: &str) -> Vec<Placed<'_>> {
     found
 }
 
+/// The fenced blocks of a language: the line of each block's first line, and its text.
+#[must_use]
+pub(crate) fn blocks(page: &str, language: &str) -> Vec<(usize, String)> {
+    let mut found: Vec<(usize, String)> = Vec::new();
+    let mut last = 0;
+    for (line, text, _) in lines(page).filter(|(.., fence)| *fence == Some(language)) {
+        match found.last_mut() {
+            Some((_, block)) if last + 1 == line => *block += &format!("{text}\n"),
+            _ => found.push((line, format!("{text}\n"))),
+        }
+        last = line;
+    }
+    found
+}
+
 /// Lines outside of fenced blocks.
 fn prose(page: &str) -> impl Iterator<Item = Placed<'_>> {
     lines(page).filter_map(|(line, text, fence)| fence.is_none().then_some((line, text)))
@@ -84,6 +99,13 @@ The file `src/yes.rs` and `--flag`.
     #[test]
     fn links_are_found_outside_of_blocks() {
         assert_eq!(links(PAGE), [(3, "a.md#b"), (4, "../c.toml")]);
+    }
+
+    #[test]
+    fn blocks_are_found_by_their_language() {
+        let page = format!("{PAGE}```toml\na = 1\n\n[b]\n```\n");
+        let port = "port = \"src/no.rs\"   # [no](link.md)\n".to_owned();
+        assert_eq!(blocks(&page, "toml"), [(12, port), (16, "a = 1\n\n[b]\n".to_owned())]);
     }
 
     #[test]

@@ -231,6 +231,36 @@ fn a_forged_run_is_not_taken_up() {
     assert!(refused.contains("fails its verification: SHA256SUMS was changed after the run was closed"), "{refused}");
 }
 
+/// What was captured longer ago than a pass counts would pass with the date of today, and so would what was captured while the
+/// clock was ahead.
+#[test]
+fn captures_are_not_older_than_a_pass() {
+    let bench = Bench::start(WARM, 1);
+    let at = |text: &str| Some(chrono::DateTime::parse_from_rfc3339(text).expect("a time"));
+    let mut request = inside::request(&SHORT.replacen("version", "valid_days = 7\nversion", 1));
+    request.began = at("2026-11-01T08:00:00+08:00");
+    let broken = bench.run(&request, Some(("six-position", 0.7, Deed::Stop)));
+    request.resume = Some(broken.folder.clone());
+    for (now, said) in [
+        (
+            "2026-11-08T08:01:00+08:00",
+            "began 2026-11-01 08:00, 7.1 days ago, and the plan takes nothing older than 7 days",
+        ),
+        (
+            "2026-12-31T08:00:00+08:00",
+            "began 2026-11-01 08:00, 60.0 days ago, and the plan takes nothing older than 7 days",
+        ),
+        ("2026-11-01T07:49:00+08:00", "began 2026-11-01 08:00, later than this computer's clock (2026-11-01 07:49)"),
+    ] {
+        request.began = at(now);
+        assert_eq!(bench.refused(&request), format!("the run to resume {said}"));
+    }
+    // Seven days to the minute.
+    request.began = at("2026-11-08T07:59:00+08:00");
+    let ended = bench.run(&request, None);
+    assert!(gnc_tests::read_json(&ended.folder.join("run.json"))["resumed"].is_object(), "{}", ended.log());
+}
+
 fn digest(path: &Path) -> String {
     let said = std::process::Command::new("sha256sum").arg(path).output().expect("sha256sum").stdout;
     String::from_utf8(said).expect("text").split(' ').next().expect("a digest").to_owned()

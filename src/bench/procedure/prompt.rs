@@ -9,7 +9,7 @@ use chrono::{DateTime, FixedOffset};
 use gnc_analysis::figures::Findings;
 use gnc_executive::details::Details;
 use gnc_executive::measurement::Value;
-use gnc_executive::plan::{AnswerError, Question, QuestionKind};
+use gnc_executive::plan::{DONE, Question, QuestionKind};
 use gnc_text::{printable, quoted};
 use serde_json::json;
 
@@ -148,7 +148,7 @@ impl Asker<'_> {
             self.person.forget().await;
             self.recorder.asked(question, &ask.to_string()).await?;
             let reply = self.person.reply(&ask, self.recorder).await?;
-            // An empty line may be the second line end of a scan.
+            // A key or a word. An empty line may be the second line end of a scan.
             let is_done = reply == Reply::Done;
             let typed = match reply {
                 Reply::NotPossible => {
@@ -168,8 +168,8 @@ impl Asker<'_> {
                 Reply::Text(typed) => typed,
             };
             self.recorder.told(question, typed.trim()).await?;
-            let empty = typed.trim().is_empty() && question.kind == QuestionKind::Done && !is_done;
-            let read = if empty { Err(AnswerError::NotDone { text: String::new() }) } else { question.read(&typed) };
+            let confirmed = is_done && question.kind == QuestionKind::Done;
+            let read = if confirmed { Ok(Value::text(DONE)) } else { question.read(&typed) };
             match read {
                 Ok(value) => {
                     let by = self.recorder.operator().unwrap_or_else(|| "the operator".to_owned());

@@ -63,7 +63,7 @@ impl ModuleSeen {
         let found = part(identity);
         // A module that is exchanged later is told below, with both numbers.
         if first.is_none()
-            && let Some(asked) = self.part.as_ref().filter(|asked| !found.is_asked_for_by(asked))
+            && let Some(asked) = self.part.as_ref().filter(|asked| found.contradicts(asked))
         {
             return Err(ProcedureError::OtherPart { asked: asked.clone(), found });
         }

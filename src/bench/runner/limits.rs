@@ -82,7 +82,8 @@ impl Run<'_> {
 
     /// The part of the module.
     fn module_part(&self, plan: &Plan) -> Result<PartName, String> {
-        if let Some(module) = self.module.part() {
+        // One that says blanks says nothing.
+        if let Some(module) = self.module.part().filter(|module| !module.is_blank()) {
             return Ok(module);
         }
         let why = match &self.order.header.part {

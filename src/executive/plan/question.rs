@@ -13,6 +13,8 @@ pub(super) use read::{Asked, limits, limits_of_part, questions};
 
 /// The value of a question that has no other answer than "done".
 pub const DONE: &str = "done";
+/// The short word for it, as at the terminal.
+pub const YES: &str = "y";
 
 /// A question of a plan.
 #[derive(Clone, Debug, PartialEq)]

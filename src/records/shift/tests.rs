@@ -39,8 +39,9 @@ fn run(serial_number: &str, plan: &str, minute: u32, outcome: Outcome) -> WholeR
     WholeRun { serial_number: serial_number.into(), plan: plan.into(), started, outcome }
 }
 
-fn count(runs: Vec<WholeRun>) -> Shift {
-    Shift::of(at("2026-11-23T06:00:00+08:00"), runs, |serial_number, _| serial_number == "OLD")
+fn count(mut runs: Vec<WholeRun>) -> Shift {
+    runs.sort_by_key(|run| run.started);
+    Shift::of(at("2026-11-23T06:00:00+08:00"), &runs, |serial_number, _| serial_number == "OLD")
 }
 
 #[test]
@@ -76,4 +77,26 @@ fn each_plan_has_its_own_first_try() {
     let second_failed = [run("A", "incoming", 1, Passed), run("A", "functional", 2, Failed)];
     assert_eq!(count(second_failed.to_vec()).first_pass(), (0, 1));
     assert_eq!(count(Vec::new()).first_pass(), (0, 0));
+}
+
+/// The clock is set back after a pass, by its time service or in the second of two equal hours, and the module fails: that came
+/// last, though its folder is the older one.
+#[test]
+fn what_was_closed_last_is_the_last_run_whatever_the_clock_says() {
+    use Outcome::{Failed, Passed};
+    let records = tempfile::tempdir().unwrap();
+    let of = ShiftOf { records: records.path().to_owned(), station: "s".into(), kind: BenchKind::Real };
+    let since = at("2026-11-23T06:00:00+08:00");
+    let mut book = ShiftBook { since: Some(since), ..ShiftBook::new(of) };
+    for (minute, serial_number, outcome) in [(40, "A", Passed), (45, "B", Passed), (10, "A", Failed)] {
+        let folder = records.path().join(format!("2026-11-23/{serial_number}/08{minute}00-functional"));
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join(crate::store::DIGESTS), "").unwrap();
+        chain::append(&folder).unwrap();
+        book.read.insert(folder, Some(run(serial_number, "functional", minute, outcome)));
+    }
+    let shift = book.shift(since, at("2026-11-23T09:00:00+08:00"));
+    let modules: Vec<_> =
+        shift.modules.iter().map(|module| (module.serial_number.as_str(), module.outcome, module.first_pass)).collect();
+    assert_eq!(modules, [("B", Passed, Some(true)), ("A", Failed, Some(true))]);
 }

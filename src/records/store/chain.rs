@@ -14,6 +14,7 @@
 //! A person who can write all of these files can forge all of them: keep a copy of `COUNTER` in another place.
 
 mod entry;
+mod order;
 
 use std::collections::{HashMap, HashSet};
 use std::fs::{self, File, OpenOptions};
@@ -28,6 +29,7 @@ use super::folder::sync_dir;
 use super::{DIGESTS, StoreError, digest, goes_on, on, reader};
 use entry::ChainEntry;
 pub use entry::LateClose;
+pub(crate) use order::by_close;
 
 /// The file of the chain in a day's folder.
 pub(crate) const CHAIN: &str = "CHAIN";

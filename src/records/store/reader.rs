@@ -13,7 +13,9 @@ use gnc_executive::state::RunState;
 
 use super::begun::was_never_begun;
 use super::digest::FileDigests;
-use super::{DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, digest, goes_on, name, on};
+use super::{
+    DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, chain, digest, goes_on, name, on,
+};
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
 /// station.
@@ -201,7 +203,7 @@ impl FoundRun {
     }
 }
 
-/// All runs below a records folder, oldest first.
+/// All runs below a records folder, in the order in which they were closed.
 ///
 /// # Errors
 /// The folder itself cannot be read.
@@ -209,7 +211,7 @@ pub fn list(records: &Path) -> Result<Vec<FoundRun>, StoreError> {
     Ok(wanted(records, Wanted::default())?.collect())
 }
 
-/// The wanted runs below a records folder, oldest first. Each is read when it is asked for: records of calibrations are
+/// The wanted runs below a records folder, in the order in which they were closed. Each is read when it is asked for: records of calibrations are
 /// long, and a thousand of them would fill the memory.
 ///
 /// # Errors
@@ -220,7 +222,7 @@ pub fn wanted<'a>(records: &Path, wanted: Wanted<'a>) -> Result<impl Iterator<It
     Ok(runs.filter(move |run| wanted.serial_number.is_none_or(|serial_number| run.is_of(serial_number))))
 }
 
-/// The folders of all runs below a records folder, oldest first.
+/// The folders of all runs below a records folder, in the order in which they were closed.
 ///
 /// # Errors
 /// The folder itself cannot be read.
@@ -240,9 +242,7 @@ fn paths_wanted(records: &Path, wanted: Wanted<'_>) -> Result<Vec<PathBuf>, Stor
             runs.extend(folders(&serial).unwrap_or_default());
         }
     }
-    // Sort by day and name, which begins with the time of day: the time in the journal is known only for readable runs.
-    runs.sort_by(|a, b| when(a).cmp(&when(b)).then_with(|| a.cmp(b)));
-    Ok(runs)
+    Ok(chain::by_close(records, runs))
 }
 
 /// The days that have records, oldest first, each with its number of serial numbers.
@@ -278,15 +278,14 @@ pub fn newest_day(records: &Path) -> Option<NaiveDate> {
     folders(records).ok()?.iter().filter_map(|folder| day_of(folder)).max()
 }
 
-/// At most `limit` runs of a day, and whether there are more.
+/// At most `limit` runs of a day, newest first, and whether there are more.
 ///
 /// # Errors
 /// The day's folder cannot be read.
 pub fn of_day(records: &Path, day: &str, limit: usize) -> Result<(Vec<FoundRun>, bool), StoreError> {
-    let mut paths = paths_of_day(records, day)?;
+    let mut paths = chain::by_close(records, paths_of_day(records, day)?);
     let cut = paths.len() > limit;
-    // Names of runs begin with their time of day.
-    paths.sort_by(|a, b| b.file_name().cmp(&a.file_name()));
+    paths.reverse();
     paths.truncate(limit);
     Ok((paths.into_iter().map(found).collect(), cut))
 }
@@ -298,19 +297,28 @@ pub fn of_module(records: &Path, day: &str, serial_number: &str) -> Vec<FoundRun
     runs.filter(|found| found.is_of(serial_number)).collect()
 }
 
-/// Folders of the newest runs, newest first.
+/// Folders of the newest runs, newest first: the days by their dates, the runs of a day as they were closed.
 pub fn newest(records: &Path, limit: usize) -> impl Iterator<Item = PathBuf> {
     let days = folders(records).unwrap_or_default().into_iter().filter(|day| is_day(day)).rev();
-    let of_day = |day: PathBuf| {
+    let records = records.to_owned();
+    let of_day = move |day: PathBuf| {
         let serials = folders(&day).unwrap_or_default();
-        let mut runs: Vec<PathBuf> = serials.iter().flat_map(|serial| folders(serial).unwrap_or_default()).collect();
-        runs.sort_by(|a, b| b.file_name().cmp(&a.file_name()));
-        runs
+        let runs: Vec<PathBuf> = serials.iter().flat_map(|serial| folders(serial).unwrap_or_default()).collect();
+        chain::by_close(&records, runs).into_iter().rev()
     };
     days.flat_map(of_day).take(limit)
 }
 
-/// Folders of the runs of one module, newest first. They may include folders of another module, since two serial
+/// Folders of the runs of one module, those that were closed last first. They may include folders of another module, as those
+/// of [`newest_of_module`].
+#[must_use]
+pub fn closed_last_of_module(records: &Path, serial_number: &str) -> Vec<PathBuf> {
+    let mut runs = chain::by_close(records, newest_of_module(records, serial_number).collect());
+    runs.reverse();
+    runs
+}
+
+/// Folders of the runs of one module, newest first by their names. They may include folders of another module, since two serial
 /// numbers may share one folder.
 pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<Item = PathBuf> {
     let days = folders(records).unwrap_or_default().into_iter().filter(|day| is_day(day)).rev();

@@ -4,8 +4,9 @@ use chrono::NaiveDate;
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-/// What `--outcome` knows: the outcomes that a run can have, and the states of a run without one.
-const OUTCOMES: [&str; 11] = [
+/// What `--outcome` knows: the outcomes that a run can have, the states of a run without one, and why an outcome
+/// counts for nothing.
+const OUTCOMES: [&str; 15] = [
     "passed",
     "marginal",
     "failed",
@@ -17,6 +18,10 @@ const OUTCOMES: [&str; 11] = [
     "unsealed",
     "newer",
     "unreadable",
+    "changed",
+    "closed_late",
+    "not_in_chain",
+    "rejudged",
 ];
 
 /// Which runs are listed, and in what form.
@@ -43,7 +48,8 @@ pub(crate) struct ListArgs {
     /// Lists the runs of the plan with this name.
     #[arg(long, value_name = "NAME")]
     pub(crate) plan: Option<String>,
-    /// Lists the runs that ended so, or that are in one of these states.
+    /// Lists the runs that ended so, or that are in one of these states. "passed" and "marginal" are those alone
+    /// that count: closed, held by the chain, and not judged again.
     #[arg(long, value_name = "A,B", value_delimiter = ',', value_parser = PossibleValuesParser::new(OUTCOMES))]
     pub(crate) outcome: Vec<String>,
 }

@@ -50,6 +50,16 @@ impl JunitFile {
         Ok(file)
     }
 
+    /// Writes a file that says why nothing was run at all.
+    ///
+    /// # Errors
+    /// The file cannot be written, or something else has its name.
+    pub(crate) fn refuse(path: &Path, what: &str) -> Result<(), CommandRefusal> {
+        let mut file = Self::begin(path)?;
+        file.refused(what, "");
+        file.end()
+    }
+
     /// Adds a run that has ended, as its record says.
     pub(super) fn add(&mut self, folder: &Path, ending: &Ending) {
         let unrecorded = ending.store_error.as_ref().map(|error| with_causes(error));

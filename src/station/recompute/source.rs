@@ -26,6 +26,8 @@ pub(super) enum RunError {
     Plan { what: String },
     #[error("the plan does not fit the run: {what}")]
     Unfit { what: String },
+    #[error("the record is not as it was written")]
+    NotAsWritten,
     #[error(transparent)]
     Part(#[from] PartNotNamed),
     #[error(transparent)]
@@ -44,6 +46,7 @@ impl RunError {
             Self::NoRawRecord { .. } => "recompute the original run",
             Self::OtherPlan => "restore the run's folder from a backup",
             Self::Plan { .. } => "",
+            Self::NotAsWritten => "restore the changed files from a backup",
             Self::Unfit { .. } => "give a plan with the same items under the same names; limits may differ",
             Self::Part(error) => error.try_this(),
             Self::Captures(error) => error.source.try_this(),

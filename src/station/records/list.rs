@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
-use gnc_executive::standing::Seal;
+use gnc_executive::standing::{Flaw, Seal};
 use gnc_executive::verdict::Verdict;
 use gnc_records::standing::Seals;
 use gnc_records::store::reader::{self, Found, FoundRun, Wanted};
@@ -18,6 +18,9 @@ use crate::refusal::refuse;
 use crate::wording::Lines;
 use table::Line;
 
+/// The word for a run that judged old samples again.
+const REJUDGED: &str = "rejudged";
+
 impl ListArgs {
     fn wanted(&self) -> Wanted<'_> {
         Wanted {
@@ -27,10 +30,16 @@ impl ListArgs {
         }
     }
 
-    fn has(&self, found: &FoundRun) -> bool {
+    fn has(&self, found: &FoundRun, seals: &mut Seals<'_>) -> bool {
         let plan = |plan: &String| found.run.as_ref().is_ok_and(|run| run.plan.name == *plan);
-        let word = word(found);
-        self.plan.as_ref().is_none_or(plan) && (self.outcome.is_empty() || self.outcome.iter().any(|one| one == word))
+        self.plan.as_ref().is_none_or(plan) && (self.outcome.is_empty() || self.has_outcome(found, seals))
+    }
+
+    fn has_outcome(&self, found: &FoundRun, seals: &mut Seals<'_>) -> bool {
+        // The writer of the list reads the chain once more, and tells why it cannot.
+        let Ok(kept) = kept(found, seals) else { return true };
+        let (word, worth) = (word(found, kept), worth(found, kept));
+        self.outcome.iter().any(|one| one == word || Some(one.as_str()) == worth)
     }
 
     fn wants_all(&self) -> bool {
@@ -45,18 +54,33 @@ pub(super) fn verdict(found: &FoundRun) -> Option<Verdict> {
     found.run.as_ref().ok().filter(|_| found.state() == Found::Closed).map(|run| run.verdict)
 }
 
-/// The verdict of a closed run, else the state of its folder.
-pub(super) fn word(found: &FoundRun) -> &'static str {
-    verdict(found).map_or_else(|| found.state().as_str(), Verdict::as_str)
+/// Why the verdict of a closed run counts for nothing, in the word of `--outcome`; `None` if it may count.
+fn worth(found: &FoundRun, kept: Option<Seal>) -> Option<&'static str> {
+    let is_rejudged = verdict(found).is_some() && found.run.as_ref().is_ok_and(|run| run.recomputed.is_some());
+    match kept {
+        Some(Seal::Flawed(Flaw::UnderWay)) => Some(Found::Running.as_str()),
+        Some(seal @ Seal::Flawed(_)) => table::seal_word(seal),
+        Some(Seal::Chained) | None => is_rejudged.then_some(REJUDGED),
+    }
 }
 
-/// Lists runs, oldest first.
+/// The verdict of a closed run, else the state of its folder. A pass that counts for nothing is called what it is: who
+/// looks for passes must find no other.
+fn word(found: &FoundRun, kept: Option<Seal>) -> &'static str {
+    let passes = verdict(found).is_some_and(Verdict::passes_module);
+    let worth = worth(found, kept).filter(|_| passes);
+    worth.unwrap_or_else(|| verdict(found).map_or_else(|| found.state().as_str(), Verdict::as_str))
+}
+
+/// Lists runs in the order in which they were closed.
 pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
     let records = &place.path;
     let runs = match reader::wanted(records, args.wanted()) {
-        Ok(runs) => runs.filter(|found| args.has(found)),
+        Ok(runs) => runs,
         Err(error) => return refuse(gnc_text::with_causes(&error), error.try_this()),
     };
+    let mut seals = Seals::new(records);
+    let runs = runs.filter(|found| args.has(found, &mut seals));
     let out = io::BufWriter::new(io::stdout().lock());
     let written = if args.json {
         as_json(out, records, runs)
@@ -103,14 +127,14 @@ fn for_people<W: Write>(
         none = false;
         let line = match &found.run {
             Ok(run) => {
+                let kept = kept(&found, &mut seals)?;
                 // The word for a run that is not closed stands before.
-                let kept = kept(&found, &mut seals)?.unwrap_or(Seal::Chained);
-                super::summary(&out.wording, word(&found), run, kept)
+                super::summary(&out.wording, word(&found, kept), run, kept.unwrap_or(Seal::Chained))
             }
-            Err(_) if found.running => out.wording.text(word(&found)),
+            Err(_) if found.running => out.wording.text(word(&found, None)),
             Err(error) => {
                 let why = printable(&gnc_text::with_causes(error)).into_owned();
-                format!("{}{}", super::state(&out.wording, word(&found)), out.wording.text(&why))
+                format!("{}{}", super::state(&out.wording, word(&found, None)), out.wording.text(&why))
             }
         };
         // Its cells have their words already, and serial numbers are no words.

@@ -139,6 +139,52 @@ fn rounds_end_when_there_is_a_reason() {
     check_rounds(Rounds::Count(3), None, good, &[Fate::Shown, Fate::Unshown], unshown);
 }
 
+/// A signal that comes as a round ends: after which round, and the handle that it asks.
+struct Signal<'a> {
+    after: usize,
+    control: &'a RunControl,
+}
+
+impl Observer for Signal<'_> {
+    fn begin(&mut self, _: &RunFolder) -> std::io::Result<Watcher> {
+        Ok(Box::new(|_| true))
+    }
+
+    async fn end(&mut self, _: &Path, _: &Ending) {
+        self.after -= 1;
+        if self.after == 0 {
+            self.control.stop("SIGTERM");
+        }
+    }
+}
+
+/// A stop between rounds is no pass of the rounds that were asked for, though each round that was begun passed. One that
+/// comes when all is done stops nothing.
+#[test]
+fn a_stop_between_rounds_is_no_pass() {
+    let plan = "name = \"short\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n";
+    let options = BenchOptions { speed: Speed::Max, ..BenchOptions::default() };
+    let hour = Duration::from_secs(3600);
+    for (rounds, after, verdict, told) in [
+        (Rounds::Count(3), 1, Outcome::Aborted, Some("stopped by SIGTERM: 2 of 3 rounds were not begun")),
+        (Rounds::Count(2), 2, Outcome::Passed, None),
+        (Rounds::Once, 1, Outcome::Passed, None),
+        (
+            Rounds::For(hour),
+            2,
+            Outcome::Aborted,
+            Some("stopped by SIGTERM after round 2, before the time for rounds was over"),
+        ),
+    ] {
+        let control = RunControl::default();
+        let request = RunRequest { rounds, ..request(plan) };
+        let done = serve(&request, &options, &control, Signal { after, control: &control }, |_| {}).expect("rounds");
+        assert_eq!(done.verdicts, vec![Verdict::Module(Outcome::Passed); after], "{rounds:?}");
+        let stopped = done.stopped.as_ref().map(ToString::to_string);
+        assert_eq!((done.verdict(), stopped.as_deref()), (Verdict::Module(verdict), told), "{rounds:?}");
+    }
+}
+
 /// If the first round cannot begin, nothing is run.
 #[test]
 fn a_first_round_that_cannot_begin_is_refused() {

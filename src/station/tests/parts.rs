@@ -65,11 +65,26 @@ fn the_module_decides_which_limits_count() {
         (" gnc/pop-26.b", "", "part GNC/POP-26.B", Outcome::Passed),
         ("GNC/POP-26.B", "d", "part GNC/POP-26.B rev D", Outcome::Failed),
         ("GNC/POP-26", "C", "of the plan (it has none of its own for part GNC/POP-26 rev C)", Outcome::Failed),
-        ("", "-", "of the plan (it has none of its own for part without number without revision)", Outcome::Failed),
     ] {
         let state = run(PLAN, &says(part, hardware), None);
         assert_eq!(verdict(&state), outcome, "{part} {hardware}");
         assert_eq!(state.limits().expect("limits").to_string(), limits);
+    }
+}
+
+/// A module whose memory was never written says blanks: that is no part, and no reason for the plan's own limits.
+#[test]
+fn a_module_that_says_blanks_says_nothing() {
+    for number in ["", "  "] {
+        for hardware in ["-", "C"] {
+            check_errored(&run(PLAN, &says(number, hardware), None), "the module does not say what it is");
+            let asked = PartName::new("GNC/POP-26.B", Some("C"));
+            let state = run(PLAN, &says(number, hardware), Some(asked));
+            assert_eq!(verdict(&state), Outcome::Passed, "{number:?} {hardware}");
+            assert_eq!(state.limits().expect("limits").to_string(), "part GNC/POP-26.B");
+        }
+        let other = Some(PartName::new("GNC/POP-26.B", Some("C")));
+        check_errored(&run(PLAN, &says(number, "D"), other), "the module says that it is part without number rev D");
     }
 }
 

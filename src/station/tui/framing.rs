@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use super::decode::whole_sequence;
 use super::input::{Scanned, ends_scan};
-use crate::serial_number::{MAX_CHARACTERS, is_invisible};
+pub(crate) use crate::serial_number::is_other_layout;
+use crate::serial_number::{self, MAX_CHARACTERS, SerialNumberError, is_invisible};
 
 /// FNC1 of GS1 codes, between fields of variable length.
 const GS: char = '\u{1d}';
@@ -63,18 +64,20 @@ pub(crate) fn unframed(before: &str, scan: &Scanned) -> String {
     text.trim_matches(is_frame).to_owned()
 }
 
-/// Whether a number was typed in another layout of the keyboard than that of the label: Cyrillic or other letters that are
-/// not Latin, or forms of full width from a Chinese input method. Chinese characters are not typed by a scanner, but some
-/// codes hold them.
-pub(crate) fn is_other_layout(number: &str) -> bool {
-    number.chars().any(|character| match character {
-        // Full-width forms, half-width kana, the ideographic space and punctuation.
-        '\u{ff01}'..='\u{ffee}' | '\u{3000}'..='\u{303f}' => true,
-        // Latin with its accents, Chinese characters.
-        '\0'..='\u{24f}' | '\u{1e00}'..='\u{1eff}' | '\u{3400}'..='\u{9fff}' | '\u{f900}'..='\u{faff}' => false,
-        '\u{20000}'..='\u{3ffff}' => false,
-        _ => character.is_alphabetic(),
-    })
+/// The serial number that a scanner put on the command line, read as the screen reads a scan: without what scanners put around a
+/// code.
+pub(crate) fn given(scan: &str) -> Result<String, SerialNumberError> {
+    let scanned = Scanned { bytes: scan.as_bytes().to_vec(), ended: true, ..Scanned::default() };
+    let text = || scan.trim().to_owned();
+    let number = number("", &scanned).map_err(|problem| match problem {
+        ScanProblem::Empty => SerialNumberError::Empty,
+        ScanProblem::TooLong { characters } => SerialNumberError::TooLong { characters },
+        ScanProblem::Control => SerialNumberError::Control { text: text() },
+        ScanProblem::Fields(fields) => SerialNumberError::Fields { fields },
+        ScanProblem::Layout(text) => SerialNumberError::Layout { text },
+        ScanProblem::Invisible(character) => SerialNumberError::Invisible { text: text(), character },
+    })?;
+    serial_number::check(&number)
 }
 
 /// What scanners put before and behind a code: control characters, spaces, the mark of the byte order.

@@ -2,7 +2,7 @@
 
 use gnc_text::quoted;
 
-use super::{DONE, Question, QuestionKind};
+use super::{DONE, Question, QuestionKind, YES};
 use crate::measurement::Value;
 use crate::quantity::{Quantity, Unit, number_and_unit};
 use crate::serial_number::SerialNumberPattern;
@@ -55,6 +55,12 @@ pub enum AnswerError {
         /// The unit of the question.
         unit: Unit,
     },
+    /// A word behind a number that has no unit.
+    #[error("{} is not a plain number", quoted(text))]
+    Plain {
+        /// The text.
+        text: String,
+    },
     /// It does not match the pattern.
     #[error("{} does not match {pattern}", quoted(text))]
     Pattern {
@@ -90,6 +96,7 @@ impl AnswerError {
             AnswerError::Ambiguous { .. } => "write it with a decimal point, or without any comma",
             AnswerError::TooLarge { .. } => "read the number again",
             AnswerError::Unit { .. } => "write the number alone, or with this unit",
+            AnswerError::Plain { .. } => "write the number alone",
             AnswerError::Pattern { .. } => "look at the text again",
             AnswerError::NoChoice { .. } => "write one of them, or its number",
             AnswerError::NotDone { .. } => "write done",
@@ -111,12 +118,15 @@ impl Question {
         if text.chars().any(char::is_control) {
             return Err(AnswerError::Control);
         }
+        // To one that is only done there is one answer, which stands in the hint.
         if text.is_empty() && self.kind != QuestionKind::Done {
             return Err(AnswerError::Empty);
         }
         let owned = || text.to_owned();
         match &self.kind {
-            QuestionKind::Done if text.is_empty() || text.eq_ignore_ascii_case(DONE) => Ok(Value::text(DONE)),
+            QuestionKind::Done if [DONE, YES].into_iter().any(|word| text.eq_ignore_ascii_case(word)) => {
+                Ok(Value::text(DONE))
+            }
             QuestionKind::Done => Err(AnswerError::NotDone { text: owned() }),
             QuestionKind::Text { pattern } => match pattern.as_ref().filter(|pattern| !pattern.fits(text)) {
                 Some(pattern) => {
@@ -160,7 +170,8 @@ fn number(text: &str, unit: Unit) -> Result<Quantity, AnswerError> {
     let named = if written.is_empty() { Some(unit) } else { Unit::parse(written) };
     let quantity = named.map(|named| Quantity::new(number, named));
     let Some((quantity, converted)) = quantity.and_then(|quantity| Some((quantity, quantity.in_unit(unit)?))) else {
-        return Err(AnswerError::Unit { text: text.to_owned(), unit });
+        let text = text.to_owned();
+        return Err(if unit == Unit::Count { AnswerError::Plain { text } } else { AnswerError::Unit { text, unit } });
     };
     // Neither as it is written nor in the unit of the question.
     if ![number, converted].iter().all(|number| number.abs() < LARGEST) {

@@ -177,7 +177,8 @@ fn kind(walk: &Walk<'_>, table: &TomlTable<'_, '_>) -> Option<(QuestionKind, Opt
     let (kind, span) = table.required_text("kind", "write kind = \"number\", or text, choice, done")?;
     match kind {
         "number" => {
-            let (unit, span) = table.required_text("unit", "write unit = \"V\"; unit = \"\" for a plain number")?;
+            // An empty one is that of a count.
+            let (unit, span) = table.required_any_text("unit", "write unit = \"V\"; unit = \"\" for a plain number")?;
             let Some(unit) = Unit::parse(unit.trim()) else {
                 walk.mistake(
                     span,

@@ -150,16 +150,34 @@ fn texts_and_choices_are_judged() {
     for typed in ["", "0", "4", "dirty", "1.0", "-1"] {
         read(&item, "look", typed).expect_err(typed);
     }
-    assert_eq!(judged(&item, "lid", "").outcome, Some(Outcome::Passed));
-    assert!(read(&item, "lid", "yes").is_err());
+    for typed in ["done", "Y", " DONE\r\n"] {
+        assert_eq!(judged(&item, "lid", typed).outcome, Some(Outcome::Passed), "{typed:?}");
+    }
+    // A variable of a script that is not set gives an empty answer.
+    for typed in ["", "  ", "yes", "no", "n", "0", "undone"] {
+        let error = read(&item, "lid", typed).expect_err(typed);
+        assert!(error.ends_with(" is not done: write done"), "{typed:?}: {error}");
+    }
     assert_eq!(judged(&item, "remark", "none").outcome, None);
+}
+
+/// A count, a code or a ratio has no unit.
+#[test]
+fn a_plain_number_has_an_empty_unit() {
+    let text = "[[item.ask]]\nname = \"pins\"\nen = \"How many?\"\nkind = \"number\"\nunit = \"\"\n[item.limits]\npins = \"4 .. 6\"\n";
+    let plan = plan(text).expect("a plan");
+    let item = &plan.items()[0];
+    assert_eq!(read(item, "pins", "5"), Ok(Value::Number(Quantity::new(5.0, Unit::Count))));
+    assert_eq!(judged(item, "pins", "5").outcome, Some(Outcome::Passed));
+    assert_eq!(judged(item, "pins", "7").outcome, Some(Outcome::Failed));
+    assert_eq!(read(item, "pins", "5 V"), Err("\"5 V\" is not a plain number: write the number alone".to_owned()));
 }
 
 /// Each question with a limit must be answered; one without is information.
 #[test]
 fn an_item_passes_only_with_all_its_answers() {
     let item = item();
-    let mut all: Vec<Measurement> = [("tp4", "5"), ("gps_board", "GPS-00042"), ("look", "1"), ("lid", "")]
+    let mut all: Vec<Measurement> = [("tp4", "5"), ("gps_board", "GPS-00042"), ("look", "1"), ("lid", "done")]
         .map(|(name, typed)| judged(&item, name, typed))
         .into();
     assert_eq!(item.attempt_outcome(&all), Outcome::Passed);

@@ -59,7 +59,7 @@ pub(super) struct Line<'a> {
 }
 
 /// The word of a list for how a record is kept; `None` while its station still closes it.
-fn seal_word(kept: Seal) -> Option<&'static str> {
+pub(super) fn seal_word(kept: Seal) -> Option<&'static str> {
     match kept {
         Seal::Chained => Some("held"),
         Seal::Flawed(Flaw::NotInChain) => Some("not_in_chain"),

@@ -169,6 +169,7 @@ fn the_standing_is_the_same_on_every_face() {
         verdict: Some(Verdict::new(Outcome::Passed, items.is_some())),
         items: items.map(|items| (0..items).map(|item| format!("item-{item}")).collect()),
         simulated: flaws.contains(&Flaw::Simulated),
+        is_broken: false,
         flaws,
     };
     let standing = |counts: Option<PastRun>, beside: Option<PastRun>| Standing { plan: "f".into(), counts, beside };

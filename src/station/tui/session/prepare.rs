@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use gnc_analysis::motion::{self, MotionStep};
+use gnc_bench::clock;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::RunRecord;
 use gnc_records::resume::{Like, ResumeError, Resumed};
@@ -61,7 +62,7 @@ impl Look {
     /// over.
     fn offered(&self) -> Option<Interrupted> {
         let like = self.like()?;
-        let newest = reader::newest_of_module(&self.records, &self.serial_number).take(MAX_LOOKED_AT);
+        let newest = reader::closed_last_of_module(&self.records, &self.serial_number).into_iter().take(MAX_LOOKED_AT);
         let mut runs = newest.filter_map(|folder| reader::read(&folder).ok().map(|run| (folder, run)));
         let (folder, run) = runs.find(|(_, run)| {
             run.serial_number == self.serial_number
@@ -95,7 +96,15 @@ impl Look {
     fn like(&self) -> Option<Like<'_>> {
         let (plan, bench) = (self.held.plan.as_ref()?, self.held.bench.as_ref()?);
         let (plan_sha256, serial_number) = (plan.plan.sha256(), self.serial_number.as_str());
-        Some(Like { plan_sha256, serial_number, bench: &bench.bench, selection: self.selection.as_deref() })
+        let (valid_days, now) = (plan.plan.plan().valid_days, clock::now());
+        Some(Like {
+            plan_sha256,
+            serial_number,
+            bench: &bench.bench,
+            selection: self.selection.as_deref(),
+            valid_days,
+            now,
+        })
     }
 }
 

@@ -22,7 +22,7 @@ use crate::refusal::CommandRefusal;
 use crate::setup::Setup;
 use crate::tui::model::{AfterFailure, RoundsSetting};
 use crate::tui::update::{Msg, StartRequest};
-use crate::{args, auto};
+use crate::{args, version};
 
 /// Handles by which the session and the screen reach the run.
 pub(super) struct Handles {
@@ -117,7 +117,7 @@ fn prepare(
         operator: start.operator,
         selection: start.selection,
         answers,
-        program: auto::program(),
+        program: version::program(),
         on_fail: match start.after_failure {
             AfterFailure::AsPlanned => None,
             AfterFailure::Stop => Some(OnFail::Stop),

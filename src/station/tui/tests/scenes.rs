@@ -288,6 +288,7 @@ pub(super) fn has_failed(at: DateTime<FixedOffset>) -> Standing {
         verdict: Some(Verdict::Module(Outcome::Failed)),
         items: None,
         simulated: true,
+        is_broken: false,
         flaws: Vec::new(),
     };
     Standing { plan: "functional".into(), counts: Some(counts), beside: None }

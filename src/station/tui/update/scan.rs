@@ -272,6 +272,8 @@ fn in_words(model: &ScreenModel, error: &SerialNumberError) -> String {
         SerialNumberError::TooLong { characters } => too_long(model, *characters),
         SerialNumberError::Control { .. } => model.texts.scan_control.to_owned(),
         SerialNumberError::Invisible { character, .. } => invisible(model, *character),
+        SerialNumberError::Fields { fields } => words_of(model, &ScanProblem::Fields(fields.clone())),
+        SerialNumberError::Layout { text } => words_of(model, &ScanProblem::Layout(text.clone())),
     }
 }
 

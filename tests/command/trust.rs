@@ -1,0 +1,145 @@
+//! What the lists, a second judgement and a serial number of the command line may be trusted for.
+
+use std::fs;
+
+use gnc_tests::{Place, Run, read_json};
+use serde_json::Value;
+
+use super::STATION;
+
+const GOOD: &str =
+    "name = \"incoming\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n";
+
+fn place() -> Place {
+    let place = Place::new(STATION);
+    place.write("incoming.toml", GOOD);
+    place.write("other.toml", &GOOD.replace("incoming", "other"));
+    place
+}
+
+fn run(place: &Place, plan: &str, serial_number: &str) -> Run {
+    place.run(["--auto", plan, "--sim", "--sim-speed", "max", "--serial-number", serial_number])
+}
+
+#[track_caller]
+fn passed(place: &Place, plan: &str, serial_number: &str) {
+    let run = run(place, plan, serial_number);
+    assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+}
+
+/// The serial numbers that a list has, in its order.
+#[track_caller]
+fn listed(place: &Place, more: &[&str]) -> Vec<String> {
+    let run = place.run(["records", "list", "--json"].iter().chain(more));
+    let lines: Vec<Value> = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stdout));
+    lines.iter().map(|line| line["serial_number"].as_str().expect("a number").to_owned()).collect()
+}
+
+/// Passes that count, and those that are changed, not in the chain or judged again.
+#[test]
+fn only_passes_that_count_are_listed_as_passed() {
+    let place = place();
+    for serial_number in ["A", "B", "C", "D"] {
+        passed(&place, "incoming.toml", serial_number);
+    }
+    let folder = |serial_number: &str| {
+        let runs = place.runs();
+        runs.into_iter().find(|run| run.parent().is_some_and(|of| of.ends_with(serial_number))).expect("a run")
+    };
+    let again = place.run(["recompute", &folder("A").to_string_lossy(), "--plan", "incoming.toml"]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+    let record = folder("B").join("run.json");
+    fs::write(&record, fs::read_to_string(&record).expect("a record") + "\n").expect("writable");
+    let chain = folder("C").ancestors().nth(2).expect("a day").join("CHAIN");
+    let lines = fs::read_to_string(&chain).expect("a chain");
+    let kept: String = lines.lines().filter(|line| !line.contains("/C/")).map(|line| format!("{line}\n")).collect();
+    fs::write(&chain, kept).expect("writable");
+    assert_eq!(listed(&place, &["--outcome", "passed"]), ["A", "D"]);
+    for (word, serial_number) in [("rejudged", "A"), ("changed", "B"), ("not_in_chain", "C")] {
+        assert_eq!(listed(&place, &["--outcome", word]), [serial_number], "{word}");
+        let list = place.run(["records", "list", "--serial-number", serial_number]);
+        assert!(list.stdout.lines().any(|line| line.split(' ').next() == Some(word)), "{}", list.stdout);
+    }
+    assert_eq!(listed(&place, &["--outcome", "passed,changed,rejudged"]).len(), 4);
+}
+
+/// The clock was set back: the run that was closed last has the older folder.
+#[test]
+fn the_newest_run_is_the_one_that_was_closed_last() {
+    let place = place();
+    passed(&place, "incoming.toml", "A");
+    passed(&place, "other.toml", "A");
+    let show = |what: &str| {
+        let run = place.run(["records", "show", "A"]);
+        assert!(run.stdout.contains(what), "{what}: {}", run.stdout);
+    };
+    show("other");
+    let plans = || -> Vec<Value> {
+        let run = place.run(["records", "list", "--json"]);
+        let lines: Vec<Value> = serde_json::from_str(&run.stdout).expect("JSON");
+        lines.iter().map(|line| line["plan"].clone()).collect()
+    };
+    assert_eq!(plans(), ["incoming", "other"]);
+    let chain = place.runs()[0].ancestors().nth(2).expect("a day").join("CHAIN");
+    let lines = fs::read_to_string(&chain).expect("a chain");
+    let swapped: String = lines
+        .lines()
+        .map(|line| match line.split_once(' ').expect("a number") {
+            ("1", rest) => format!("2 {rest}\n"),
+            (_, rest) => format!("1 {rest}\n"),
+        })
+        .collect();
+    fs::write(&chain, swapped).expect("writable");
+    show("incoming");
+    assert_eq!(plans(), ["other", "incoming"]);
+}
+
+/// A record that somebody edited is judged by no plan: the new judgement would be closed as if the samples were the module's.
+#[test]
+fn a_changed_record_is_judged_by_no_other_plan() {
+    let place = place();
+    passed(&place, "incoming.toml", "A");
+    let folder = place.runs().remove(0);
+    let record = folder.join("run.json");
+    let text = fs::read_to_string(&record).expect("a record");
+    fs::write(&record, text.replace("\"passed\"", "\"marginal\"")).expect("writable");
+    let again = place.run(["recompute", &folder.to_string_lossy(), "--plan", "incoming.toml"]);
+    assert_eq!(again.code, Some(2), "{}{}", again.stdout, again.stderr);
+    assert!(again.stdout.contains("record: run.json was changed"), "{}", again.stdout);
+    assert!(again.stderr.contains("the record is not as it was written"), "{}", again.stderr);
+    assert_eq!(place.runs().len(), 1, "a judgement was filed");
+    let alone = place.run(["recompute".as_ref(), folder.as_os_str()]);
+    assert_eq!(alone.code, Some(1), "{}{}", alone.stdout, alone.stderr);
+    assert!(alone.stderr.contains("the record is not as it was written"), "{}", alone.stderr);
+}
+
+/// A script passes on what its scanner sends: the command line takes off and refuses what the screen does.
+#[test]
+fn a_scan_of_the_command_line_is_one_of_the_screen() {
+    let place = place();
+    for scan in ["]C1A-1", "A-1\r\n", "\tA-1\t", "\u{feff}A-1", "\u{2}A-1\u{3}", "]d2\u{1d}A-1"] {
+        passed(&place, "incoming.toml", scan);
+    }
+    let runs = place.runs();
+    assert_eq!(runs.len(), 6);
+    for run in &runs {
+        assert_eq!(read_json(&run.join("run.json"))["serial_number"], "A-1");
+    }
+    for (scan, said) in [
+        ("\u{410}1", "the scanner types in another layout\n  try: switch to English, and scan again"),
+        ("\u{ff21}\u{ff11}", "the scanner types in another layout"),
+        ("A\u{200b}1", "a character that nobody sees (U+200B)"),
+        ("\u{200b}A1", "a character that nobody sees (U+200B)"),
+        ("01\u{1d}21", "the scan holds several fields: \"01 | 21\""),
+        ("A\t1", "control characters"),
+        ("\r\n", "the serial number is empty"),
+    ] {
+        let refused = run(&place, "incoming.toml", scan);
+        assert_eq!(refused.code, Some(2), "{scan:?}: {}{}", refused.stdout, refused.stderr);
+        assert!(refused.stderr.contains(said), "{scan:?}: {}", refused.stderr);
+    }
+    assert_eq!(place.runs().len(), 6);
+    // A pattern that asks for other letters knows better.
+    place.write("incoming.toml", &GOOD.replacen("version", "serial_number = \"\u{410}[0-9]\"\nversion", 1));
+    passed(&place, "incoming.toml", "\u{410}1");
+}
