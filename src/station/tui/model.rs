@@ -23,9 +23,9 @@ use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
 
 use super::field::{InputField, MAX_CHARACTERS};
-use super::keymap::KeyContext;
+use super::keymap::{self, Binding, KeyAction, KeyContext};
 use super::lang::{Lang, Texts};
-use super::numbers::Numbers;
+use super::numbers::{Numbers, Owner};
 use super::pending::{Interrupted, PendingStart};
 pub(crate) use super::prompt::Prompt;
 use super::records::Records;
@@ -382,6 +382,27 @@ const INFO_STAYS: Duration = Duration::from_secs(30);
 /// How long a warning stays: an operator may be at the socket.
 const WARNING_STAYS: Duration = Duration::from_secs(120);
 
+/// What is known of the module's power, beside what the run on the screen says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PowerSeen {
+    /// Nothing was on since the run on the screen.
+    ByRun,
+    /// The board has confirmed, after values were watched, that the module is off.
+    Off,
+    /// The module was under power when the station last heard of it, and no board has confirmed since that it is off.
+    Unknown,
+}
+
+/// Whether the station knows if the module is under power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PowerKnown {
+    Known,
+    /// Nothing is on, and nobody has seen the module go off.
+    Unknown,
+    /// The line was lost in the run that is on, and the station asks for the board again.
+    LineLost,
+}
+
 /// How much a message matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MessageWeight {
@@ -409,6 +430,8 @@ pub(crate) struct ScreenModel {
     pub plan: Loaded<PlanView>,
     pub plan_path: String,
     pub operator: String,
+    /// The name is that of the last run, and nobody has said that the same person is here.
+    pub operator_remembered: bool,
     /// The part that modules must be, and its revision; empty: any.
     pub part: [String; 2],
     /// Numbers of orders, sub-units and others.
@@ -427,8 +450,13 @@ pub(crate) struct ScreenModel {
     pub cursor: usize,
     pub run: Option<RunView>,
     pub live: super::live::History,
+    /// The module that the live values are of.
+    pub live_of: Option<String>,
     /// Raw values are shown without a run.
     pub watching: bool,
+    pub power_seen: PowerSeen,
+    /// The line to the board is lost in the run that is on.
+    pub line_lost: bool,
     pub records: Records,
     /// The modules of this shift; `None` until the records were read.
     pub shift: Option<Shift>,
@@ -481,6 +509,7 @@ impl ScreenModel {
             plan: Loaded::Loading,
             plan_path: String::new(),
             operator: String::new(),
+            operator_remembered: false,
             part: Default::default(),
             numbers: Numbers::default(),
             rounds: RoundsSetting::Once,
@@ -493,7 +522,10 @@ impl ScreenModel {
             cursor: 0,
             run: None,
             live: super::live::History::default(),
+            live_of: None,
             watching: false,
+            power_seen: PowerSeen::ByRun,
+            line_lost: false,
             records: Records::default(),
             shift: None,
             ring: false,
@@ -526,9 +558,48 @@ impl ScreenModel {
         self.is_running() || self.scan.next.is_some()
     }
 
+    /// The module that a number is given for now.
+    pub(crate) fn owner_of_numbers(&self) -> Owner {
+        match &self.run {
+            _ if self.numbers_are_later() => Owner::Next,
+            Some(_) => Owner::Coming,
+            None if self.scan.current.is_none() => Owner::Coming,
+            None => Owner::Present,
+        }
+    }
+
     /// Whether a run is on.
     pub(crate) fn is_running(&self) -> bool {
         self.run.as_ref().is_some_and(|run| !run.over)
+    }
+
+    /// Whether it is known if the module is under power.
+    pub(crate) fn power(&self) -> PowerKnown {
+        let of_run = self.run.as_ref().is_some_and(RunView::power_unknown);
+        match self.power_seen {
+            _ if self.watching => PowerKnown::Known,
+            _ if self.is_running() && self.line_lost => PowerKnown::LineLost,
+            PowerSeen::Unknown => PowerKnown::Unknown,
+            PowerSeen::ByRun if of_run => PowerKnown::Unknown,
+            PowerSeen::ByRun | PowerSeen::Off => PowerKnown::Known,
+        }
+    }
+
+    /// Whether bench and plan are read and have no mistakes, or are being read.
+    pub(crate) fn is_refused(&self) -> bool {
+        matches!(self.bench, Loaded::Refused(_)) || matches!(self.plan, Loaded::Refused(_))
+    }
+
+    /// What F5 does with the module that was scanned.
+    pub(crate) fn what_f5_does(&self) -> &'static str {
+        if self.is_refused() { self.texts.scanned_refused } else { self.texts.scanned }
+    }
+
+    /// Keeps what is known of the power when the run on the screen goes.
+    pub(crate) fn keep_power(&mut self) {
+        if self.power() == PowerKnown::Unknown {
+            self.power_seen = PowerSeen::Unknown;
+        }
     }
 
     /// Whether what is typed or scanned is the answer to a question of the plan.
@@ -563,6 +634,12 @@ impl ScreenModel {
             (None, ScreenPage::Tests) if self.is_running() => KeyContext::Running,
             (None, ScreenPage::Tests) => KeyContext::Idle,
         }
+    }
+
+    /// The keys that do something now: nothing can be stopped while nothing is on.
+    pub(crate) fn keys(&self, place: KeyContext) -> impl Iterator<Item = &'static Binding> {
+        let on = self.is_running() || self.watching;
+        keymap::bindings(place).filter(move |binding| on || binding.action != KeyAction::Stop)
     }
 
     /// Whether there is a page for captures.
@@ -620,6 +697,13 @@ impl ScreenModel {
         self.message_since = self.now.since_start;
     }
 
+    /// Gives the message on the screen another weight.
+    pub(crate) fn weigh(&mut self, weight: MessageWeight) {
+        if let Some(message) = &mut self.message {
+            message.0 = weight;
+        }
+    }
+
     /// Warns of something that no key caused. It does not replace an error, which matters more.
     pub(crate) fn mention(&mut self, text: impl Into<String>) {
         self.say_aside(MessageWeight::Warning, text);
@@ -661,7 +745,9 @@ impl ScreenModel {
 
     /// Whether the picture changes by time alone within a second.
     pub(crate) fn moves(&self) -> bool {
-        self.is_running() || self.watching
+        // Old values have an age in seconds.
+        let ages = self.page == ScreenPage::Live && !self.live.is_empty();
+        self.is_running() || self.watching || ages
     }
 }
 

@@ -22,6 +22,7 @@ mod setup;
 mod shift;
 mod style;
 mod text;
+mod trouble;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -66,12 +67,13 @@ fn too_small(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 }
 
 fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
-    let unrecorded = frame::unrecorded(model, area);
+    let troubles = trouble::lines(model, area);
+    let messages = frame::message(model, area);
     let [head, body, trouble, message, foot] = Layout::vertical([
         Constraint::Length(1),
         Constraint::Fill(1),
-        Constraint::Length(unrecorded.len() as u16),
-        Constraint::Length(1),
+        Constraint::Length(troubles.len() as u16),
+        Constraint::Length(messages.len() as u16),
         Constraint::Length(1),
     ])
     .areas(area);
@@ -100,8 +102,8 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         Some(Over::Help { .. } | Over::Setup(_)) => {}
         _ => dialog::prompt(model, frame, body),
     }
-    text::lines(frame, unrecorded, trouble);
-    frame::message(model, frame, message);
+    text::lines(frame, troubles, trouble);
+    text::lines(frame, messages, message);
     frame::foot(model, frame, foot);
 }
 

@@ -8,6 +8,7 @@ use crate::tui::decode::Key;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::live::History;
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, RoundsSetting, RunView, ScreenModel, ScreenPage, order};
+use crate::tui::numbers::Owner;
 use crate::tui::pending::PendingStart;
 use crate::tui::records::Check;
 use crate::tui::setup_form::{Form, FormLine, FormNumber, MAX_ROUNDS};
@@ -251,6 +252,7 @@ fn watch(model: &mut ScreenModel) -> Option<Effect> {
     }
     model.watching = true;
     model.live = History::default();
+    model.live_of.clone_from(&model.scan.current);
     model.message = None;
     Some(Effect::Watch)
 }
@@ -395,15 +397,20 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
     if let Some(part) = &form.part {
         model.part = part.each_ref().map(|field| field.text().trim().to_owned());
     }
-    let later = form.later && model.numbers_are_later();
+    let owner = match model.owner_of_numbers() {
+        Owner::Next if !form.later => Owner::Present,
+        owner => owner,
+    };
     for number in form.numbers.iter().filter(|number| number.is_changed()) {
-        model.numbers.set(&number.asked, number.field.text().trim(), later);
+        model.numbers.set(&number.asked, number.field.text().trim(), owner);
     }
     model.over.pop();
     model.message = None;
     model.rounds = rounds;
     model.after_failure = form.after_failure;
     form.operator.text().trim().clone_into(&mut model.operator);
+    // Whoever has looked at the form has seen the name.
+    model.operator_remembered = false;
     set_language(model, form.lang);
     let (plan, bench) = (form.plan.text().trim().to_owned(), form.bench.text().trim().to_owned());
     if plan != model.plan_path || bench != model.bench_path || !matches!(model.plan, Loaded::Ready(_)) {

@@ -48,7 +48,7 @@ fn free_left_edge(frame: &mut Frame<'_>, place: Rect) {
 
 /// "F2 Yes   Esc No", in as many lines as they need.
 fn answers(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
-    let keys = keymap::bindings(model.place()).filter(|binding| binding.footer && binding.action != KeyAction::Stop);
+    let keys = model.keys(model.place()).filter(|binding| binding.footer && binding.action != KeyAction::Stop);
     let (mut lines, mut line) = (Vec::new(), Line::default());
     for binding in keys {
         let name = Span::styled(keymap::name(binding.key), style::turned());
@@ -184,7 +184,7 @@ fn typed(model: &ScreenModel, prompt: &Prompt) -> String {
 
 /// What the keys do in a place, from the table of keys.
 pub(super) fn help(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, place: KeyContext, scroll: usize) {
-    let keys: Vec<_> = keymap::bindings(place).collect();
+    let keys: Vec<_> = model.keys(place).collect();
     let name_cells = keys.iter().map(|binding| keymap::name(binding.key).len()).max().unwrap_or(0);
     let lines = |cells: usize| {
         let each = keys.iter().flat_map(|binding| {

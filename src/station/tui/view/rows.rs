@@ -245,7 +245,8 @@ fn explained(model: &ScreenModel, row: &Row, cells: usize) -> Vec<Line<'static>>
     }
     if let Some(error) = &attempt.error {
         lines.extend(labelled((texts.level)(NoteLevel::Error), &text::shown(&model.said(&error.text)), cells));
-        if !error.hint.is_empty() {
+        // "The item runs again" is of the run that was on.
+        if !error.hint.is_empty() && !error.again {
             lines.extend(labelled(texts.try_this, &text::shown(&model.said(&error.hint)), cells));
         }
     }
