@@ -15,7 +15,7 @@ use gnc_executive::limit::Limit;
 use gnc_executive::numbers::{self, NumberField};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::{LimitsChosen, PartName};
-use gnc_executive::plan::{Phase, PlanItem};
+use gnc_executive::plan::{Phase, PlanItem, QuestionWords};
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
@@ -170,6 +170,8 @@ pub(crate) struct PlanAsks {
     pub parts: Vec<PartName>,
     /// The limits of temperature drifts for each of them.
     pub drift_limits: Vec<DriftLimits>,
+    /// The words of the questions of the plan: errors and the log have them in English.
+    pub words: Vec<QuestionWords>,
 }
 
 /// The limits of temperature drifts for a part.
@@ -325,11 +327,6 @@ impl RunView {
         }
     }
 
-    /// Whether nothing runs since a pause was asked for.
-    pub(crate) fn is_paused(&self) -> bool {
-        self.pause == Pause::Asked && self.progress.is_empty() && !self.over
-    }
-
     /// Whether the run ended while the module was under power: its board switches it off by itself, and nobody has
     /// seen it.
     pub(crate) fn power_unknown(&self) -> bool {
@@ -448,6 +445,10 @@ pub(crate) struct ScreenModel {
     pub only: Option<Vec<String>>,
     /// The line under the cursor, in the order shown.
     pub cursor: usize,
+    /// The operator has moved the cursor since the run began, so the list stays where it is.
+    pub cursor_moved: bool,
+    /// The words about the last item that was aborted in the run.
+    pub aborting: Option<String>,
     pub run: Option<RunView>,
     pub live: super::live::History,
     /// The module that the live values are of.
@@ -488,9 +489,22 @@ impl Scan {
 }
 
 impl ScreenModel {
-    /// What another part of the station says, in the language of the screen.
+    /// What another part of the station says, in the language of the screen; also the plan's own words, as far as the plan has
+    /// them in that language.
     pub(crate) fn said<'a>(&self, text: &'a str) -> Cow<'a, str> {
-        in_language(text, self.lang)
+        let mut said = in_language(text, self.lang);
+        let words = self.plan.ready().map_or(&[][..], |plan| &plan.asks.words);
+        for question in words {
+            let own = match self.lang {
+                Lang::En => None,
+                Lang::Zh => question.zh.as_deref(),
+                Lang::Ru => question.ru.as_deref(),
+            };
+            if let Some(own) = own.filter(|_| !question.en.is_empty() && said.contains(&question.en)) {
+                said = said.replace(&question.en, own).into();
+            }
+        }
+        said
     }
 
     pub(crate) fn new(lang: Lang, look: Look, now: Now) -> Self {
@@ -520,6 +534,8 @@ impl ScreenModel {
             ticks: Vec::new(),
             only: None,
             cursor: 0,
+            cursor_moved: false,
+            aborting: None,
             run: None,
             live: super::live::History::default(),
             live_of: None,
@@ -733,7 +749,8 @@ impl ScreenModel {
         if self.message_left() == Some(Duration::ZERO) {
             self.message = None;
         }
-        if let Some(run) = self.run.as_mut().filter(|run| run.is_paused()) {
+        // Also while the items at work end: those that wait are not begun, and need their time afterwards.
+        if let Some(run) = self.run.as_mut().filter(|run| run.pause == Pause::Asked && !run.over) {
             run.paused += step;
         }
     }

@@ -126,6 +126,8 @@ pub(crate) enum Effect {
     Watch,
     /// Stop the run: the first time in order, the second time at once.
     Stop,
+    /// The same, and the program ends with the verdict of that run when it has stopped.
+    StopAndLeave,
     Pause(bool),
     AbortItem(String),
     Answer(Reply),

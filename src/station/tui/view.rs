@@ -110,6 +110,8 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 #[cfg(test)]
 pub(in crate::tui) use big::has as can_draw;
 #[cfg(test)]
+pub(in crate::tui) use calibration::plan_left_s;
+#[cfg(test)]
 pub(in crate::tui) use frame::key_label;
 #[cfg(test)]
 pub(in crate::tui) use text::width as text_width;

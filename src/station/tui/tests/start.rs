@@ -261,5 +261,5 @@ fn a_stop_that_loses_captures_is_asked_about() {
     // Whoever leaves was asked already.
     let mut scene = in_the_hour(3000.0);
     scene.key(Key::F(10));
-    assert_eq!(scene.key(Key::F(2)), Some(Effect::Stop));
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::StopAndLeave));
 }

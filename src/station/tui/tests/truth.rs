@@ -67,7 +67,7 @@ fn the_verdict_is_on_every_page() {
     for lang in Lang::ALL {
         let mut scene = scene(lang);
         fail(&mut scene);
-        let word = (lang.texts().verdict)(Verdict::Module(Outcome::Failed));
+        let word = lang.texts().word_of(Verdict::Module(Outcome::Failed)).to_uppercase();
         let head = |scene: &mut Scene| scene.text().lines().next().unwrap_or_default().to_owned();
         let wanted = format!("{word} DEMO-1");
         assert!(!head(&mut scene).contains(&wanted), "the page shows it large");

@@ -270,7 +270,9 @@ fn abort_item(model: &mut ScreenModel) -> Option<Effect> {
         model.say(MessageWeight::Warning, model.texts.not_running_item);
         return None;
     }
-    model.say(MessageWeight::Info, words(model.texts.aborting_item, &[&item]));
+    let told = words(model.texts.aborting_item, &[&item]);
+    model.aborting = Some(told.clone());
+    model.say(MessageWeight::Info, told);
     Some(Effect::AbortItem(item))
 }
 
@@ -444,7 +446,7 @@ fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
         if yes {
             model.leaving = true;
             model.say(MessageWeight::Warning, model.texts.leave_stop_first);
-            return stop(model);
+            return stop(model).map(|_| Effect::StopAndLeave);
         }
         return None;
     }
@@ -492,7 +494,10 @@ fn move_by(model: &mut ScreenModel, place: KeyContext, step: isize) {
                 open.cursor = moved(open.cursor, step, open.state.rows().len().saturating_sub(1));
             }
         }
-        _ => model.cursor = moved(model.cursor, step, model.order().len().saturating_sub(1)),
+        _ => {
+            model.cursor = moved(model.cursor, step, model.order().len().saturating_sub(1));
+            model.cursor_moved = true;
+        }
     }
 }
 

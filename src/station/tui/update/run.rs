@@ -156,6 +156,17 @@ pub(super) fn over(
     let missed = run.folder.clone().filter(|_| run.events_lost);
     let nothing_done = run.ends.is_empty() && run.state.header().is_none() && !run.events_lost;
     model.line_lost = false;
+    if let Some(next) = model.scan.next.clone() {
+        // "It comes next, after this run": the run is over.
+        let shown = gnc_text::printable(&next).into_owned();
+        let (during, now) = (words(texts.scanned_next, &[&shown]), words(model.what_f5_does(), &[&shown]));
+        if let Some((_, message)) = &mut model.message {
+            *message = message.replace(&during, &now);
+        }
+    }
+    // "The run goes on" is of the run that was on.
+    let aborting = model.aborting.take();
+    model.message.take_if(|(_, message)| aborting.as_ref() == Some(message));
     if nothing_done && refusal.is_some() {
         model.run = None;
     }

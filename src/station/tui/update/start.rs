@@ -129,7 +129,7 @@ fn start(model: &mut ScreenModel) -> Option<Effect> {
     model.line_lost = false;
     model.run = Some(RunView::new(serial_number.clone(), rounds, expected_s, &model.now));
     model.message = None;
-    model.cursor = 0;
+    (model.cursor, model.cursor_moved) = (0, false);
     let fields = model.asked_numbers();
     model.operator_remembered = false;
     model.numbers.run_begins();

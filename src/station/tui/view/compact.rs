@@ -42,6 +42,10 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     }
     match (&model.run, &model.bench, &model.plan) {
         _ if model.watching => {}
+        (Some(run), ..) if run.over => {
+            lines.extend(of_run(model, run, cells));
+            lines.extend(chosen(model, cells));
+        }
         (Some(run), ..) => lines.extend(of_run(model, run, cells)),
         (None, Loaded::Refused(why), _) | (None, _, Loaded::Refused(why)) => {
             lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(&model.said(line)), cells))));
@@ -49,6 +53,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         (None, _, Loaded::Ready(plan)) => {
             let what = format!("{} {}", text::shown(&plan.name), text::shown(&plan.version));
             lines.push(Line::raw(text::cut(&what, cells)));
+            lines.extend(chosen(model, cells));
         }
         _ => lines.push(Line::raw(texts.loading)),
     }
@@ -61,6 +66,20 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         lines.splice(at..at, hint);
     }
     text::lines(frame, lines, area);
+}
+
+/// What F5 and F3 would run: a selection is told before it runs, and the item under the cursor has no list here.
+fn chosen(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
+    let mut lines = Vec::new();
+    if model.ticks.iter().any(|tick| !tick) {
+        let (ticked, all) = (model.ticks.iter().filter(|tick| **tick).count(), model.ticks.len());
+        let told = format!("F5: {ticked}/{all}  {}", model.texts.selection_long);
+        lines.push(Line::styled(text::cut(&told, cells), style::strong()));
+    }
+    if let Some(item) = model.item_under_cursor() {
+        lines.push(Line::raw(text::cut(&format!("F3: {}", text::shown(item)), cells)));
+    }
+    lines
 }
 
 /// The verdict, or how far the run is.

@@ -118,7 +118,9 @@ pub(super) fn interrupted(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect
 /// The run that was asked for cannot be taken up.
 pub(super) fn no_resume(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, why: &str) {
     let texts = model.texts;
-    let lines = [text::shown(&model.said(why)), texts.no_resume_question.to_owned()];
+    let of_items = model.pending.as_ref().is_some_and(|pending| pending.selection.is_some());
+    let asked = if of_items { texts.no_resume_items } else { texts.no_resume_question };
+    let lines = [text::shown(&model.said(why)), asked.to_owned()];
     question(model, frame, area, texts.interrupted_title, &lines);
 }
 

@@ -82,10 +82,15 @@ fn standing(model: &ScreenModel) -> Option<(String, Style)> {
     if model.page == ScreenPage::Tests && model.over.is_empty() {
         return None;
     }
+    if model.watching {
+        // The module is under power, and the verdict is of a run before.
+        return Some((format!(" {} ", model.texts.watching), style::accent(model.look)));
+    }
     let number = text::cut(&text::shown(&run.serial_number), STANDING_NUMBER);
     Some(match run.verdict() {
         Some(verdict) => {
-            let word = format!(" {} {number} ", (model.texts.verdict)(verdict));
+            // The word of the list: the letters of the large word are Latin where the language has others.
+            let word = format!(" {} {number} ", model.texts.word_of(verdict).to_uppercase());
             (word, style::verdict_area(model.look, verdict))
         }
         None => (format!(" {} {number} ", super::panels::on(model, run)), style::accent(model.look)),

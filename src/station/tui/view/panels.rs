@@ -336,9 +336,19 @@ fn expected(model: &ScreenModel, run: &RunView, elapsed_s: f64) -> (String, Stri
     // The time of a part of the plan is unknown.
     let whole = run.state.header().is_some_and(|header| header.selection.is_none());
     let Some(expected_s) = run.expected_s.filter(|_| whole) else {
+        // The captures of a plan take known times, and most of the whole.
+        let left_s =
+            model.guidance().and_then(|(item, guidance)| super::calibration::plan_left_s(model, item, guidance));
+        if let Some(left_s) = left_s.filter(|_| run.pause == Pause::No) {
+            let ends = model.now.at + chrono::TimeDelta::milliseconds((left_s * 1e3) as i64);
+            return (duration(left_s), ends.format("%H:%M:%S").to_string());
+        }
         return (texts.unknown_yet.to_owned(), texts.unknown_yet.to_owned());
     };
     let remaining_s = expected_s - elapsed_s + run.paused.as_secs_f64();
+    if remaining_s < 0.0 && run.pause == Pause::Asked {
+        return (texts.unknown_yet.to_owned(), texts.unknown_yet.to_owned());
+    }
     if remaining_s < 0.0 {
         return (texts.longer_than_last.to_owned(), "-".to_owned());
     }
