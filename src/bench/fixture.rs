@@ -34,6 +34,12 @@ pub(crate) enum FixtureError {
         /// What was to be done.
         what: String,
     },
+    /// The operator said that a question of the plan cannot be answered.
+    #[error("the operator could not do this: {what}")]
+    NotAnswered {
+        /// The question, in its own words.
+        what: String,
+    },
     /// Nobody can answer a question of the plan.
     #[error("the question {question} cannot be answered: no person is at a terminal or at the screen")]
     NobodyAnswers {
@@ -87,6 +93,7 @@ impl FixtureError {
                 "answer it with --answer NAME=VALUE, or run the plan on a terminal or on the screen"
             }
             Self::Refused { .. } => "repair the fixture and run the item again",
+            Self::NotAnswered { .. } => "find out why it was not possible, and run the item again",
             Self::Fixture { .. } => "check the fixture and its cables; start the bench again",
             Self::Table { .. } => "check the motion in the plan, and the turntable's cables; start the bench again",
             Self::Store(error) => error.try_this(),

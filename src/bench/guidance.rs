@@ -37,6 +37,8 @@ pub struct Guidance {
     pub captures: Arc<[Planned]>,
     /// How many of them are finished. The next one is under way or comes next.
     pub finished: usize,
+    /// The captures that are taken over from an earlier run, by their names.
+    pub taken: Arc<[String]>,
     /// How the module lies, once it is laid down.
     pub orientation: Option<Orientation>,
     /// What happens now.
@@ -131,6 +133,7 @@ impl Guidance {
         Self {
             captures: program.steps.iter().filter_map(planned).collect(),
             finished: 0,
+            taken: Arc::new([]),
             orientation: None,
             stage: Stage::Laying,
             captured_s: 0.0,
@@ -178,6 +181,26 @@ impl Guidance {
         }
         self.captured_s = 0.0;
         self.done_s += step.span_s();
+    }
+
+    /// Whether a capture of the program exists: it is finished, or taken over from an earlier run.
+    #[must_use]
+    pub fn exists(&self, index: usize) -> bool {
+        let taken = || self.captures.get(index).is_some_and(|planned| self.taken.contains(&planned.label));
+        index < self.finished || taken()
+    }
+
+    /// Number of captures that exist.
+    #[must_use]
+    pub fn existing(&self) -> usize {
+        (0..self.captures.len()).filter(|index| self.exists(*index)).count()
+    }
+
+    /// Whether no capture is under way yet, since those of an earlier run are taken over and the module warms up first.
+    #[must_use]
+    pub fn waits_to_go_on(&self) -> bool {
+        let not_begun = self.stage == Stage::Laying && self.finished == 0 && self.orientation.is_none();
+        self.warmth().is_some() || (not_begun && !self.taken.is_empty())
     }
 
     /// The current capture, or the next one.
@@ -345,9 +368,13 @@ impl<'a> Course<'a> {
         self.hand_on(false);
     }
 
-    /// Passes over steps that take so long, since their captures exist already.
-    pub(crate) fn passes_over(&mut self, span_s: f64) {
+    /// Passes over steps that take so long, since their captures, of these names, exist already.
+    pub(crate) fn passes_over(&mut self, span_s: f64, taken: &[String]) {
         self.now.done_s += span_s;
+        if !taken.is_empty() {
+            self.now.taken = taken.into();
+            self.hand_on(true);
+        }
     }
 
     /// The station waits until the module is as warm as it was.

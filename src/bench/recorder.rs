@@ -7,6 +7,7 @@ use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::Findings;
 use gnc_executive::catalogue::{ItemId, MeasurementSpec};
 use gnc_executive::event::{EventKind, NoteLevel, Power};
+use gnc_executive::limit::{Expected, Limit};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{PlanItem, Question};
 use gnc_executive::quantity::Unit;
@@ -208,9 +209,12 @@ impl<'a> Recorder<'a> {
         &self.item.questions
     }
 
-    /// The limit of a measurement, for people.
+    /// The limit of a measurement, for people: with the number of this run's module where the plan has its placeholder.
     pub(crate) fn limit(&self, measurement: &str) -> Option<String> {
-        self.item.limit(measurement).map(ToString::to_string)
+        Some(match self.item.limit(measurement)? {
+            Limit::Text(Expected::SerialNumber) => format!("== {}", self.serial_number),
+            limit => limit.to_string(),
+        })
     }
 
     /// The person who tests.

@@ -91,6 +91,8 @@ pub struct Live {
     pub doing: watch::Sender<Vec<Doing>>,
     /// The newest raw values.
     pub readings: watch::Sender<Readings>,
+    /// The session with the board is lost, and the runner asks for the board again.
+    pub line_lost: watch::Sender<bool>,
 }
 
 /// An item that runs.
@@ -143,6 +145,7 @@ pub(crate) async fn run(order: &RunOrder, journal: RunJournal, control: &RunCont
         module: ModuleSeen::asked(&order.header.serial_number, order.header.part.as_ref()),
         heat: Heat::new(order.job.plan().resume),
     };
+    live.line_lost.send_replace(false);
     let ended = run.whole().await;
     live.doing.send_replace(Vec::new());
     // Another round would find the same other module.

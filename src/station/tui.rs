@@ -116,7 +116,14 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
     let (keys_in, keys) = mpsc::channel(KEYS);
     let (commands_in, commands) = mpsc::channel(COMMANDS);
     let (resized_in, resized) = watch::channel(0);
-    let inbox = Inbox { messages, keys, resized, doing: live.doing.subscribe(), readings: live.readings.subscribe() };
+    let inbox = Inbox {
+        messages,
+        keys,
+        resized,
+        doing: live.doing.subscribe(),
+        readings: live.readings.subscribe(),
+        line_lost: live.line_lost.subscribe(),
+    };
 
     let guard = Guard::new();
     let (gone_in, gone) = std::sync::mpsc::channel();

@@ -162,6 +162,25 @@ fn a_signal_ends_the_run_and_gives_the_terminal_back() {
     }
 }
 
+/// Whoever leaves in a run stops it, and the program ends as after a signal.
+#[test]
+fn leaving_in_a_run_ends_as_a_signal_does() {
+    let place = Place::new(STATION);
+    let plan = plan();
+    let mut terminal = open(&place, &sim(&plan, &[]), 80, 24);
+    terminal.wait_for("functional 1.0");
+    terminal.types(b"T-1\r");
+    terminal.types(F5);
+    terminal.wait_for("RUNNING");
+    terminal.types(F10);
+    terminal.wait_for("switch the module off and leave?");
+    terminal.types(F2);
+    let (status, restored) = terminal.end();
+    assert!(restored, "the terminal is not as it was");
+    assert_eq!(status.code(), Some(4));
+    assert_eq!(outcomes(&place), ["aborted"]);
+}
+
 /// The same without a run and without a record.
 #[test]
 fn a_signal_ends_an_idle_screen() {
@@ -255,7 +274,7 @@ fn a_storm_of_sizes() {
         let rows: Vec<String> = screen.rows(0, 80).collect();
         rows[0].contains("GNC test station") && rows[23].contains("F10 Leave") && rows[1].starts_with("┌ Module")
     });
-    terminal.wait_until("the verdict", |screen| screen.contents().contains("passed ──"));
+    terminal.wait_until("the verdict", |screen| screen.contents().contains("passed · T-1 ──"));
     terminal.types(F10);
     let (status, restored) = terminal.end();
     assert!(restored && status.code() == Some(0), "{status}");

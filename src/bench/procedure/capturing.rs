@@ -85,8 +85,8 @@ impl ProgramCapture<'_> {
     async fn follow(&mut self, program: &MotionProgram, mut taken: Vec<Capture>) -> Result<(), ProcedureError> {
         let actions = program.after(|about| taken.iter().any(|capture| capture.about == *about));
         let left_s: f64 = actions.iter().map(|action| action.step().span_s()).sum();
-        self.course.passes_over(program.span_s() - left_s);
         let over = TakenOver::of(&actions);
+        self.course.passes_over(program.span_s() - left_s, &over.taken);
         if !over.taken.is_empty() {
             self.recorder.note(&over.to_string()).await?;
             self.bench.heat.owe(&in_order(&actions, &taken));

@@ -129,7 +129,7 @@ impl Asker<'_> {
                     let typed = quoted(typed);
                     words = format!("No: {typed} neither confirms nor corrects; {YES} confirms, < goes back. {ask}");
                 }
-                Reply::NotPossible => return Err(FixtureError::Refused { what: ask.action() }.into()),
+                Reply::NotPossible => return Err(FixtureError::NotAnswered { what: ask.action() }.into()),
             }
         }
     }
@@ -153,7 +153,7 @@ impl Asker<'_> {
             let typed = match reply {
                 Reply::NotPossible => {
                     self.recorder.told(question, "not possible").await?;
-                    return Err(FixtureError::Refused { what: ask.action() }.into());
+                    return Err(FixtureError::NotAnswered { what: question.words.en.clone() }.into());
                 }
                 Reply::Back if back => {
                     self.recorder.told(question, "the answer before is to be given again").await?;

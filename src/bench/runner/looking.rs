@@ -29,6 +29,9 @@ pub enum LookError {
     /// The board refused or failed a request.
     #[error(transparent)]
     Board(#[from] BoardError),
+    /// The board has not answered that the module is off.
+    #[error("the board did not confirm that it is safe; its watchdog makes it safe within 2 s")]
+    NotSafe,
 }
 
 impl LookError {
@@ -38,6 +41,7 @@ impl LookError {
         match self {
             Self::Connect(error) => error.try_this(),
             Self::Board(error) => error.try_this(),
+            Self::NotSafe => "wait before you take the module out, and check the line to the board",
         }
     }
 }
@@ -45,7 +49,7 @@ impl LookError {
 /// Switches the module on and shows its raw values until a stop is asked for; then switches the module off.
 ///
 /// # Errors
-/// [`LookError`]: the board is not there, or went away.
+/// [`LookError`]: the board is not there, or went away, or did not confirm at the end that the module is off.
 pub async fn look(target: &Target, control: &RunControl, readings: &watch::Sender<Readings>) -> Result<(), LookError> {
     let board = tokio::select! {
         biased;
@@ -58,10 +62,11 @@ pub async fn look(target: &Target, control: &RunControl, readings: &watch::Sende
         _ = control.asked_times(1) => Ok(()),
         ended = show(&lease) => ended,
     };
-    make_safe(&lease).await;
+    let safe = make_safe(&lease).await;
     drop(lease);
     let _ = timeout(SAFE_WITHIN, BoardClient::close(board)).await;
-    Ok(looked?)
+    looked?;
+    if safe { Ok(()) } else { Err(LookError::NotSafe) }
 }
 
 /// Ends only with an error of the board.
@@ -109,7 +114,7 @@ async fn compensate(lease: &BoardLease<'_>) -> Result<(), BoardError> {
     }
 }
 
-/// Makes the board safe. If it does not answer, its watchdog acts.
-async fn make_safe(lease: &BoardLease<'_>) {
-    let _ = timeout(SAFE_WITHIN, lease.call(&MakeSafe {})).await;
+/// Makes the board safe, and says whether it confirmed that. If it does not answer, its watchdog acts.
+async fn make_safe(lease: &BoardLease<'_>) -> bool {
+    matches!(timeout(SAFE_WITHIN, lease.call(&MakeSafe {})).await, Ok(Ok(_)))
 }

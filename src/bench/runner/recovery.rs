@@ -28,6 +28,7 @@ impl Run<'_> {
         }
         flight.clear();
         self.live.doing.send_replace(Vec::new());
+        self.live.line_lost.send_replace(true);
         let restarted = |landed: &Landed, only_asked: bool| matches!(&landed.end, End::Done(Err(ProcedureError::Board(BoardError::Restarted { asked, .. }))) if *asked || !only_asked);
         let any_restart = ended.iter().any(|landed| restarted(landed, false));
         let suspects: Vec<usize> = match ended.iter().filter(|landed| restarted(landed, true)).count() {
@@ -134,6 +135,7 @@ impl Run<'_> {
                 self.note(NoteLevel::Error, format!("{}; {}", with_causes(&error), error.try_this()), None).await
             }
             Ok(Ok(boot_id)) => {
+                self.live.line_lost.send_replace(false);
                 if boot_id != before || restarted {
                     if culprit.is_none() && !absence {
                         // Also if the line hid the restart: the request that caused it stays unknown, unless it happens

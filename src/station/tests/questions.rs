@@ -186,6 +186,19 @@ fn a_person_answers_and_the_record_has_it() {
     );
 }
 
+/// A limit that is the number of the module is asked with that number, since nobody can compare with a placeholder.
+#[test]
+fn the_number_of_the_module_stands_in_the_question() {
+    let limits = "[item.limits]\n";
+    let plan = PLAN
+        .replace(limits, &format!("{limits}gps_board = \"== $serial_number\"\n"))
+        .replace("pattern = \"GPS-[0-9]{5}\"\n", "");
+    let done = with_person_by(&plan, Answers::default(), &[text("5"), text("SN"), text("1"), Reply::Done]);
+    assert_eq!(done.attempt.outcome, Some(Outcome::Passed));
+    let asked = journal(&done.events, "gps_board");
+    assert!(asked[0].contains("Limit: == SN."), "{asked:?}");
+}
+
 /// A value outside its limit fails the module, as one that was measured does.
 #[test]
 fn an_answer_outside_its_limit_fails() {

@@ -184,14 +184,22 @@ const LISTS: &[KeyContext] = &[
     KeyContext::Setup,
     KeyContext::Help,
 ];
+/// Wherever the operator may be while a run is on: nobody looks for the page first when the module must lose its power. The
+/// form, and the questions before a start, are open only while nothing runs.
 const RUN: &[KeyContext] = &[
     KeyContext::Running,
     KeyContext::LiveRunning,
     KeyContext::Watching,
+    KeyContext::Detail,
+    KeyContext::Record,
+    KeyContext::Help,
+    KeyContext::Confirm,
     KeyContext::Prompt,
     KeyContext::Question,
     KeyContext::GivingUp,
 ];
+/// The same where the last line has no room for it.
+const RUN_SILENT: &[KeyContext] = &[KeyContext::Records];
 
 const BACK: &[KeyContext] = &[
     KeyContext::Idle,
@@ -221,7 +229,9 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(6), KeyAction::Pause, &[KeyContext::Running, KeyContext::LiveRunning]),
     shown(Key::F(7), KeyAction::AbortItem, &[KeyContext::Running]),
     shown(Key::F(8), KeyAction::Stop, RUN),
+    silent(Key::F(8), KeyAction::Stop, RUN_SILENT),
     silent(Key::Ctrl('c'), KeyAction::Stop, RUN),
+    silent(Key::Ctrl('c'), KeyAction::Stop, RUN_SILENT),
     // The same keys: whoever is in a hurry presses twice. Not Enter, which a scanner sends.
     shown(Key::F(8), KeyAction::StopAnyway, &[KeyContext::Stopping]),
     silent(Key::Ctrl('c'), KeyAction::StopAnyway, &[KeyContext::Stopping]),

@@ -80,18 +80,21 @@ pub(crate) struct Texts {
     pub plan: &'static str,
     pub board: &'static str,
     pub no_board_yet: &'static str,
+    pub no_board_answer: &'static str,
     /// The module is under power where it must not be; short enough for the narrowest panel.
     pub danger_powered: &'static str,
     /// The board breaks rules of the interface document; a number follows.
     pub board_breaks: &'static str,
     pub module_on: &'static str,
     pub module_off: &'static str,
-    /// The run ended at once, and only the board's watchdog switches the module off.
+    /// No board has confirmed that the module is off, and only the board's watchdog switches it off.
     pub power_unknown: &'static str,
     pub watchdog_acts: &'static str,
+    pub line_lost: &'static str,
     pub scan_here: &'static str,
     /// Whose name is taken over from the last run.
     pub operator_remembered: &'static str,
+    pub operator_of_last_run: &'static str,
     pub operator_needed: &'static str,
     // The shift.
     /// Modules, passed, failed, others: short enough for the border of the narrowest panel.
@@ -135,7 +138,9 @@ pub(crate) struct Texts {
     pub stopping_at_once: &'static str,
     pub running: &'static str,
     pub ready: &'static str,
+    pub not_ready: &'static str,
     pub no_verdict_yet: &'static str,
+    pub refused_next: &'static str,
     pub record_in: &'static str,
     // Table of items.
     pub item: &'static str,
@@ -156,6 +161,7 @@ pub(crate) struct Texts {
     // Messages.
     pub scan_first: &'static str,
     pub scanned: &'static str,
+    pub scanned_refused: &'static str,
     pub scanned_next: &'static str,
     pub scan_empty: &'static str,
     pub scan_too_long: &'static str,
@@ -203,6 +209,7 @@ pub(crate) struct Texts {
     pub interrupted_title: &'static str,
     pub interrupted_question: &'static str,
     pub no_resume_question: &'static str,
+    pub no_resume_items: &'static str,
     pub resume_asked: &'static str,
     pub only_unknown: &'static str,
     pub stop_title: &'static str,
@@ -216,6 +223,7 @@ pub(crate) struct Texts {
     pub leave_stop_first: &'static str,
     pub prompt_title: &'static str,
     pub asked_since: &'static str,
+    pub question_waits: &'static str,
     pub done: &'static str,
     pub not_possible: &'static str,
     pub on_no: &'static str,
@@ -250,6 +258,7 @@ pub(crate) struct Texts {
     pub not_a_number: &'static str,
     pub plan_good: &'static str,
     pub mistakes_found: &'static str,
+    pub mistakes_of_bench: &'static str,
     // Live.
     pub rate: &'static str,
     pub acceleration: &'static str,
@@ -265,6 +274,7 @@ pub(crate) struct Texts {
     pub streams_legend: &'static str,
     pub no_live_yet: &'static str,
     pub watching: &'static str,
+    pub last_values: &'static str,
     pub no_verdict: &'static str,
     pub pulses: &'static str,
     pub seconds_ago: &'static str,
@@ -283,6 +293,9 @@ pub(crate) struct Texts {
     pub stage_powered_off: &'static str,
     pub stage_warming: &'static str,
     pub stage_warming_at_most: &'static str,
+    pub stage_warms: &'static str,
+    pub captures_taken: &'static str,
+    pub taken_over: &'static str,
     pub stage_working_out: &'static str,
     pub lie_up: &'static str,
     pub lie_north: &'static str,

@@ -16,7 +16,7 @@ use gnc_executive::limit::Limit;
 use gnc_executive::numbers::{self, NumberField};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::{LimitsChosen, PartName};
-use gnc_executive::plan::{Phase, PlanItem};
+use gnc_executive::plan::{Phase, PlanItem, QuestionWords};
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
@@ -24,9 +24,9 @@ use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
 
 use super::field::{InputField, MAX_CHARACTERS};
-use super::keymap::KeyContext;
+use super::keymap::{self, Binding, KeyAction, KeyContext};
 use super::lang::{Lang, Texts};
-use super::numbers::Numbers;
+use super::numbers::{Numbers, Owner};
 use super::pending::{Interrupted, PendingStart};
 use super::pictures::Pictures;
 pub(crate) use super::prompt::Prompt;
@@ -176,6 +176,8 @@ pub(crate) struct PlanAsks {
     pub parts: Vec<PartName>,
     /// The limits of temperature drifts for each of them.
     pub drift_limits: Vec<DriftLimits>,
+    /// The words of the questions of the plan: errors and the log have them in English.
+    pub words: Vec<QuestionWords>,
 }
 
 /// The limits of temperature drifts for a part.
@@ -331,11 +333,6 @@ impl RunView {
         }
     }
 
-    /// Whether nothing runs since a pause was asked for.
-    pub(crate) fn is_paused(&self) -> bool {
-        self.pause == Pause::Asked && self.progress.is_empty() && !self.over
-    }
-
     /// Whether the run ended while the module was under power: its board switches it off by itself, and nobody has
     /// seen it.
     pub(crate) fn power_unknown(&self) -> bool {
@@ -390,6 +387,27 @@ const INFO_STAYS: Duration = Duration::from_secs(30);
 /// How long a warning stays: an operator may be at the socket.
 const WARNING_STAYS: Duration = Duration::from_secs(120);
 
+/// What is known of the module's power, beside what the run on the screen says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PowerSeen {
+    /// Nothing was on since the run on the screen.
+    ByRun,
+    /// The board has confirmed, after values were watched, that the module is off.
+    Off,
+    /// The module was under power when the station last heard of it, and no board has confirmed since that it is off.
+    Unknown,
+}
+
+/// Whether the station knows if the module is under power.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PowerKnown {
+    Known,
+    /// Nothing is on, and nobody has seen the module go off.
+    Unknown,
+    /// The line was lost in the run that is on, and the station asks for the board again.
+    LineLost,
+}
+
 /// How much a message matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MessageWeight {
@@ -417,6 +435,8 @@ pub(crate) struct ScreenModel {
     pub plan: Loaded<PlanView>,
     pub plan_path: String,
     pub operator: String,
+    /// The name is that of the last run, and nobody has said that the same person is here.
+    pub operator_remembered: bool,
     /// The part that modules must be, and its revision; empty: any.
     pub part: [String; 2],
     /// Numbers of orders, sub-units and others.
@@ -435,10 +455,19 @@ pub(crate) struct ScreenModel {
     pub only: Option<Vec<String>>,
     /// The line under the cursor, in the order shown.
     pub cursor: usize,
+    /// The operator has moved the cursor since the run began, so the list stays where it is.
+    pub cursor_moved: bool,
+    /// The words about the last item that was aborted in the run.
+    pub aborting: Option<String>,
     pub run: Option<RunView>,
     pub live: super::live::History,
+    /// The module that the live values are of.
+    pub live_of: Option<String>,
     /// Raw values are shown without a run.
     pub watching: bool,
+    pub power_seen: PowerSeen,
+    /// The line to the board is lost in the run that is on.
+    pub line_lost: bool,
     pub records: Records,
     /// The modules of this shift; `None` until the records were read.
     pub shift: Option<Shift>,
@@ -470,9 +499,22 @@ impl Scan {
 }
 
 impl ScreenModel {
-    /// What another part of the station says, in the language of the screen.
+    /// What another part of the station says, in the language of the screen; also the plan's own words, as far as the plan has
+    /// them in that language.
     pub(crate) fn said<'a>(&self, text: &'a str) -> Cow<'a, str> {
-        in_language(text, self.lang)
+        let mut said = in_language(text, self.lang);
+        let words = self.plan.ready().map_or(&[][..], |plan| &plan.asks.words);
+        for question in words {
+            let own = match self.lang {
+                Lang::En => None,
+                Lang::Zh => question.zh.as_deref(),
+                Lang::Ru => question.ru.as_deref(),
+            };
+            if let Some(own) = own.filter(|_| !question.en.is_empty() && said.contains(&question.en)) {
+                said = said.replace(&question.en, own).into();
+            }
+        }
+        said
     }
 
     pub(crate) fn new(lang: Lang, look: Look, now: Now) -> Self {
@@ -491,6 +533,7 @@ impl ScreenModel {
             plan: Loaded::Loading,
             plan_path: String::new(),
             operator: String::new(),
+            operator_remembered: false,
             part: Default::default(),
             numbers: Numbers::default(),
             rounds: RoundsSetting::Once,
@@ -502,9 +545,14 @@ impl ScreenModel {
             ticks: Vec::new(),
             only: None,
             cursor: 0,
+            cursor_moved: false,
+            aborting: None,
             run: None,
             live: super::live::History::default(),
+            live_of: None,
             watching: false,
+            power_seen: PowerSeen::ByRun,
+            line_lost: false,
             records: Records::default(),
             shift: None,
             ring: false,
@@ -537,9 +585,48 @@ impl ScreenModel {
         self.is_running() || self.scan.next.is_some()
     }
 
+    /// The module that a number is given for now.
+    pub(crate) fn owner_of_numbers(&self) -> Owner {
+        match &self.run {
+            _ if self.numbers_are_later() => Owner::Next,
+            Some(_) => Owner::Coming,
+            None if self.scan.current.is_none() => Owner::Coming,
+            None => Owner::Present,
+        }
+    }
+
     /// Whether a run is on.
     pub(crate) fn is_running(&self) -> bool {
         self.run.as_ref().is_some_and(|run| !run.over)
+    }
+
+    /// Whether it is known if the module is under power.
+    pub(crate) fn power(&self) -> PowerKnown {
+        let of_run = self.run.as_ref().is_some_and(RunView::power_unknown);
+        match self.power_seen {
+            _ if self.watching => PowerKnown::Known,
+            _ if self.is_running() && self.line_lost => PowerKnown::LineLost,
+            PowerSeen::Unknown => PowerKnown::Unknown,
+            PowerSeen::ByRun if of_run => PowerKnown::Unknown,
+            PowerSeen::ByRun | PowerSeen::Off => PowerKnown::Known,
+        }
+    }
+
+    /// Whether bench and plan are read and have no mistakes, or are being read.
+    pub(crate) fn is_refused(&self) -> bool {
+        matches!(self.bench, Loaded::Refused(_)) || matches!(self.plan, Loaded::Refused(_))
+    }
+
+    /// What F5 does with the module that was scanned.
+    pub(crate) fn what_f5_does(&self) -> &'static str {
+        if self.is_refused() { self.texts.scanned_refused } else { self.texts.scanned }
+    }
+
+    /// Keeps what is known of the power when the run on the screen goes.
+    pub(crate) fn keep_power(&mut self) {
+        if self.power() == PowerKnown::Unknown {
+            self.power_seen = PowerSeen::Unknown;
+        }
     }
 
     /// Whether what is typed or scanned is the answer to a question of the plan.
@@ -575,6 +662,12 @@ impl ScreenModel {
             (None, ScreenPage::Tests) if self.is_running() => KeyContext::Running,
             (None, ScreenPage::Tests) => KeyContext::Idle,
         }
+    }
+
+    /// The keys that do something now: nothing can be stopped while nothing is on.
+    pub(crate) fn keys(&self, place: KeyContext) -> impl Iterator<Item = &'static Binding> {
+        let on = self.is_running() || self.watching;
+        keymap::bindings(place).filter(move |binding| on || binding.action != KeyAction::Stop)
     }
 
     /// Whether there is a page for captures.
@@ -638,6 +731,13 @@ impl ScreenModel {
         self.message_since = self.now.since_start;
     }
 
+    /// Gives the message on the screen another weight.
+    pub(crate) fn weigh(&mut self, weight: MessageWeight) {
+        if let Some(message) = &mut self.message {
+            message.0 = weight;
+        }
+    }
+
     /// Warns of something that no key caused. It does not replace an error, which matters more.
     pub(crate) fn mention(&mut self, text: impl Into<String>) {
         self.say_aside(MessageWeight::Warning, text);
@@ -667,7 +767,8 @@ impl ScreenModel {
         if self.message_left() == Some(Duration::ZERO) {
             self.message = None;
         }
-        if let Some(run) = self.run.as_mut().filter(|run| run.is_paused()) {
+        // Also while the items at work end: those that wait are not begun, and need their time afterwards.
+        if let Some(run) = self.run.as_mut().filter(|run| run.pause == Pause::Asked && !run.over) {
             run.paused += step;
         }
     }
@@ -679,7 +780,9 @@ impl ScreenModel {
 
     /// Whether the picture changes by time alone within a second.
     pub(crate) fn moves(&self) -> bool {
-        self.is_running() || self.watching
+        // Old values have an age in seconds.
+        let ages = self.page == ScreenPage::Live && !self.live.is_empty();
+        self.is_running() || self.watching || ages
     }
 }
 

@@ -13,6 +13,17 @@ pub(crate) struct Numbers {
     next: Vec<Given>,
 }
 
+/// The module that a number is given for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Owner {
+    /// The module on the screen, which was scanned and has not been tested since.
+    Present,
+    /// The module that is tested next, whichever that is: none is chosen yet, or the verdict of the last one is shown.
+    Coming,
+    /// The module after the one on the screen.
+    Next,
+}
+
 /// A number as it was given.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Given {
@@ -22,12 +33,21 @@ struct Given {
     kind: Option<NumberKind>,
     /// It was given for a module before: only an order still counts.
     earlier: bool,
+    /// It goes to the module that is tested next, also if that is scanned later.
+    coming: bool,
+    /// A run has had it.
+    used: bool,
 }
 
 impl Given {
     /// Whether it is a number of an order, which stays until it is changed.
     fn is_order(&self, field: &NumberField) -> bool {
         field.kind == NumberKind::Order && self.kind.is_none_or(|kind| kind == NumberKind::Order)
+    }
+
+    /// Whether it is known to be of one module, as a sub-unit is.
+    fn is_of_a_module(&self) -> bool {
+        self.kind.is_some_and(|kind| kind != NumberKind::Order)
     }
 
     /// Whether it is what this field asks for.
@@ -39,7 +59,14 @@ impl Given {
 impl Numbers {
     /// The numbers of the command line, by their keys.
     pub(crate) fn new(given: Vec<(String, String)>) -> Self {
-        let each = given.into_iter().map(|(key, value)| Given { key, value, kind: None, earlier: false });
+        let each = given.into_iter().map(|(key, value)| Given {
+            key,
+            value,
+            kind: None,
+            earlier: false,
+            coming: false,
+            used: false,
+        });
         Self { given: each.collect(), next: Vec::new() }
     }
 
@@ -60,11 +87,11 @@ impl Numbers {
         next.or_else(stays).map_or("", |given| &given.value)
     }
 
-    /// Takes a number; an empty one goes. `later`: it is of the module after the one on the screen.
-    pub(crate) fn set(&mut self, field: &NumberField, value: &str, later: bool) {
-        let (key, kind) = (field.key.clone(), Some(field.kind));
-        let given = Given { key, value: value.to_owned(), kind, earlier: false };
-        if later {
+    /// Takes a number; an empty one goes.
+    pub(crate) fn set(&mut self, field: &NumberField, value: &str, owner: Owner) {
+        let (key, kind, coming) = (field.key.clone(), Some(field.kind), owner == Owner::Coming);
+        let given = Given { key, value: value.to_owned(), kind, earlier: false, coming, used: false };
+        if owner == Owner::Next {
             self.next.retain(|other| other.key != field.key);
             self.next.push(given);
             return;
@@ -84,17 +111,32 @@ impl Numbers {
     }
 
     /// The next module comes, which may be the same one again. What was given for it is its own now. Of another module only
-    /// an order stays; which numbers are of orders is asked when they are used, since no plan may be at hand now.
-    pub(crate) fn module_comes(&mut self, is_another: bool) {
-        self.given.iter_mut().for_each(|given| given.earlier |= is_another);
+    /// an order stays; which numbers are of orders is asked when they are used, since no plan may be at hand now. Returns what no
+    /// run had and no run will have.
+    pub(crate) fn module_comes(&mut self, is_another: bool) -> Vec<String> {
+        let mut dropped = Vec::new();
+        for given in &mut self.given {
+            let goes = is_another && !std::mem::take(&mut given.coming) && !given.earlier;
+            given.earlier |= goes;
+            if goes && !given.used && given.is_of_a_module() {
+                dropped.push(given.value.clone());
+            }
+        }
         for given in std::mem::take(&mut self.next) {
             self.take(given);
         }
+        dropped
     }
 
-    /// Another module than the one that was to come next comes next: what was given for that one goes.
-    pub(crate) fn another_next(&mut self) {
-        self.next.retain(|given| given.kind == Some(NumberKind::Order));
+    /// A run begins, and has what was given for its module.
+    pub(crate) fn run_begins(&mut self) {
+        self.given.iter_mut().for_each(|given| (given.coming, given.used) = (false, true));
+    }
+
+    /// Another module than the one that was to come next comes next: what was given for that one goes, and is returned.
+    pub(crate) fn another_next(&mut self) -> Vec<String> {
+        let gone = self.next.extract_if(.., |given| given.is_of_a_module());
+        gone.map(|given| given.value).filter(|value| !value.is_empty()).collect()
     }
 
     /// What a run is given, of all that is asked for.

@@ -156,7 +156,18 @@ impl Scene {
         self.start_with(serial_number, Some(names.iter().map(|name| (*name).to_owned()).collect()));
     }
 
+    /// Scans a number and starts; no board answers yet.
+    #[cfg(test)]
+    pub(crate) fn start_without_board(&mut self, serial_number: &str) {
+        self.begin(serial_number, None);
+    }
+
     fn start_with(&mut self, serial_number: &str, selection: Option<Vec<String>>) {
+        self.begin(serial_number, selection);
+        self.board_answers();
+    }
+
+    fn begin(&mut self, serial_number: &str, selection: Option<Vec<String>>) {
         self.types(serial_number);
         self.key(Key::Enter);
         self.key(Key::F(5));
@@ -175,6 +186,10 @@ impl Scene {
         let header = Box::new(RunHeader { schema, selection, recomputed, ..header(serial_number, plan) });
         self.event(EventKind::RunStarted { header, items });
         self.tell(Msg::RoundBegins { folder: "records/2026-11-22/DEMO-1/143000-functional".into() });
+    }
+
+    /// The board answers, and switches the module on.
+    fn board_answers(&mut self) {
         self.event(EventKind::BoardFound(BoardInfo {
             board_serial: "SIM-BOARD-1".into(),
             firmware: "sim 1.0.0".into(),

@@ -144,12 +144,14 @@ impl ScreenSession {
         let mut running: Option<Running> = None;
         let mut ending = false;
         let mut terminal_is_there = true;
+        // The operator leaves as soon as the run has stopped; then its verdict.
+        let (mut leaving, mut left) = (false, None);
         self.choose(None);
         // A shift may end while nothing is tested.
         let mut minute = tokio::time::interval(COUNT_EVERY);
         loop {
             if ending && running.is_none() {
-                return None;
+                return left;
             }
             tokio::select! {
                 biased;
@@ -167,6 +169,7 @@ impl ScreenSession {
                     if ending {
                         return finished.verdict();
                     }
+                    left = finished.verdict().filter(|_| leaving);
                     self.tell(finished.into_msg());
                 }
                 () = self.told.next_end() => self.count_shift(),
@@ -204,6 +207,10 @@ impl ScreenSession {
                         self.show_question(&waiting);
                     }
                     Some(Effect::Stop) => stop(running.as_ref(), "the operator"),
+                    Some(Effect::StopAndLeave) => {
+                        leaving = true;
+                        stop_in_order(running.as_ref(), "the operator");
+                    }
                     Some(Effect::Pause(pause)) => {
                         running.iter().for_each(|running| running.control.pause(pause));
                     }

@@ -33,6 +33,7 @@ pub(crate) struct Inbox {
     pub resized: watch::Receiver<u64>,
     pub doing: watch::Receiver<Vec<Doing>>,
     pub readings: watch::Receiver<Readings>,
+    pub line_lost: watch::Receiver<bool>,
 }
 
 /// The clock of the screen.
@@ -99,6 +100,7 @@ pub(crate) async fn show<B: Backend>(
         update(model, Msg::Time(clock.now()));
         if model.is_running() {
             arrived.push(Msg::Progress(progress(&inbox.doing.borrow())));
+            arrived.push(Msg::LineLost(*inbox.line_lost.borrow()));
         }
         if inbox.readings.has_changed().unwrap_or(false) {
             arrived.push(Msg::Readings(Box::new(inbox.readings.borrow_and_update().clone())));

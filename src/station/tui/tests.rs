@@ -2,6 +2,7 @@
 
 mod captures;
 mod numbers;
+mod old;
 mod parts;
 mod pictures;
 mod prompts;
@@ -255,7 +256,7 @@ fn stop_pause_abort_and_leave() {
     assert!(scene.text().contains("Stop now"), "{}", scene.text());
     assert_eq!(scene.key(Key::F(10)), None, "a run is on");
     assert_eq!(scene.key(Key::Enter), None, "a scanner sends that");
-    assert_eq!(scene.key(Key::F(2)), None, "the stop goes on in order");
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::StopAndLeave));
     scene.event(EventKind::RunEnded(Verdict::Module(Outcome::Aborted)));
     assert_eq!(scene.tell(Msg::RunOver { verdict: None, store_error: None, refusal: None }), Some(Effect::Leave));
 }

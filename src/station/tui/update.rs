@@ -20,7 +20,10 @@ use gnc_records::shift::Shift;
 use super::decode::Key;
 use super::input::{Input, Scanned};
 use super::lang::{Lang, fill};
-use super::model::{BenchView, Loaded, MessageWeight, Now, PlanView, Progress, RoundsSetting, ScreenModel, ScreenPage};
+use super::live::History;
+use super::model::{
+    BenchView, Loaded, MessageWeight, Now, PlanView, PowerSeen, Progress, RoundsSetting, ScreenModel, ScreenPage,
+};
 use super::pending::{Interrupted, Prepared};
 use super::pictures::{DrawnPicture, PictureTrouble, PictureWanted};
 use super::records::{Check, Checked, Day, OpenRun, RunMark, Runs, Unopened};
@@ -44,6 +47,8 @@ pub(crate) enum Msg {
     Event(Box<Event>),
     /// How far the items at work are.
     Progress(Vec<Progress>),
+    /// Whether the line to the board is lost in the run that is on.
+    LineLost(bool),
     /// Live readings.
     Readings(Box<Readings>),
     /// The run asks for something.
@@ -124,6 +129,8 @@ pub(crate) enum Effect {
     Watch,
     /// Stop the run: the first time in order, the second time at once.
     Stop,
+    /// Stop the run in order, if no stop was asked for; the program ends with the verdict of that run when it has stopped.
+    StopAndLeave,
     Pause(bool),
     AbortItem(String),
     Answer(Reply),
@@ -179,6 +186,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
                 run.progress = progress;
             }
         }
+        Msg::LineLost(lost) => model.line_lost = lost,
         Msg::Readings(readings) => model.live.take(*readings, model.now.since_start),
         Msg::Asked { item, ask } => run::asked(model, item, ask),
         Msg::AskedNoMore => {
@@ -218,8 +226,16 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         }
         Msg::WatchOver { why } => {
             model.watching = false;
+            // Where no value came, the station has switched nothing on.
+            let seen = if why.is_none() { Some(PowerSeen::Off) } else { None };
+            let unknown = || (!model.live.is_empty()).then_some(PowerSeen::Unknown);
+            model.power_seen = seen.or_else(unknown).unwrap_or(model.power_seen);
             if let Some(why) = why {
                 model.say(MessageWeight::Error, model.said(&why).into_owned());
+            }
+            if model.live_of != model.scan.current {
+                // The values are of the module before.
+                model.live = History::default();
             }
             return match model.leaving {
                 true => Some(Effect::Leave),
@@ -248,8 +264,10 @@ fn unknown_item(model: &ScreenModel) -> Option<String> {
 fn take_operator(model: &mut ScreenModel) {
     let usual = model.bench.ready().and_then(|bench| bench.operator.clone());
     let Some(usual) = usual.filter(|_| model.operator.is_empty()) else { return };
-    if usual.remembered {
-        model.say_aside(MessageWeight::Info, words(model.texts.operator_remembered, &[&usual.name]));
+    // The panel marks the name. There is one line for messages, and another one, as that of a run to resume, says more.
+    model.operator_remembered = usual.remembered;
+    if usual.remembered && model.message.is_none() {
+        model.say(MessageWeight::Info, words(model.texts.operator_remembered, &[&usual.name]));
     }
     model.operator = usual.name;
 }

@@ -22,6 +22,7 @@ mod setup;
 mod shift;
 mod style;
 mod text;
+mod trouble;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -66,13 +67,13 @@ fn too_small(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), area);
 }
 
-/// Head, body, what has no record, message, foot.
-fn rows(area: Rect, unrecorded: usize) -> [Rect; 5] {
+/// Head, body, troubles, message, foot.
+fn rows(area: Rect, troubles: usize, messages: usize) -> [Rect; 5] {
     Layout::vertical([
         Constraint::Length(1),
         Constraint::Fill(1),
-        Constraint::Length(unrecorded as u16),
-        Constraint::Length(1),
+        Constraint::Length(troubles as u16),
+        Constraint::Length(messages as u16),
         Constraint::Length(1),
     ])
     .areas(area)
@@ -88,13 +89,14 @@ pub(crate) fn picture_wanted(model: &ScreenModel, area: Rect) -> Option<PictureW
     if area.width < LEAST.0 || area.height < LEAST.1 || hides_prompt(model.over.last()) {
         return None;
     }
-    let [_, body, ..] = rows(area, frame::unrecorded(model, area).len());
+    let [_, body, ..] = rows(area, trouble::lines(model, area).len(), frame::message(model, area).len());
     dialog::picture_wanted(model, body)
 }
 
 fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
-    let unrecorded = frame::unrecorded(model, area);
-    let [head, body, trouble, message, foot] = rows(area, unrecorded.len());
+    let troubles = trouble::lines(model, area);
+    let messages = frame::message(model, area);
+    let [head, body, trouble, message, foot] = rows(area, troubles.len(), messages.len());
     frame::head(model, frame, head);
     let small = frame.area().width < MIN_WIDTH || frame.area().height < MIN_HEIGHT;
     match (model.over.last(), model.page) {
@@ -121,13 +123,15 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         over if hides_prompt(over) => {}
         _ => dialog::prompt(model, frame, body),
     }
-    text::lines(frame, unrecorded, trouble);
-    frame::message(model, frame, message);
+    text::lines(frame, troubles, trouble);
+    text::lines(frame, messages, message);
     frame::foot(model, frame, foot);
 }
 
 #[cfg(test)]
 pub(in crate::tui) use big::has as can_draw;
+#[cfg(test)]
+pub(in crate::tui) use calibration::plan_left_s;
 #[cfg(test)]
 pub(in crate::tui) use frame::key_label;
 #[cfg(test)]

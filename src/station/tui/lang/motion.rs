@@ -46,6 +46,7 @@ impl Texts {
     /// The present stage in words.
     pub(crate) fn stage(&self, guidance: &Guidance) -> String {
         match guidance.stage {
+            Stage::Laying if guidance.waits_to_go_on() => self.stage_warms.to_owned(),
             Stage::Laying => self.stage_laying.to_owned(),
             Stage::Settling { span_s } => fill(self.stage_settling, &[&duration(span_s)]),
             Stage::Capturing => self.stage_capturing.to_owned(),

@@ -129,8 +129,9 @@ fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanVi
     let sha256 = checked.sha256().to_owned();
     let (items, serial_number) = (job.planned(), plan.serial_number.clone());
     let drift_limits = plan.parts().filter_map(|part| drift_limits_of(plan, part)).collect();
-    let asks =
-        Arc::new(PlanAsks { numbers: plan.numbers.clone(), parts: plan.parts().cloned().collect(), drift_limits });
+    let words = plan.items().iter().flat_map(|item| &item.questions).map(|question| question.words.clone()).collect();
+    let (numbers, parts) = (plan.numbers.clone(), plan.parts().cloned().collect());
+    let asks = Arc::new(PlanAsks { numbers, parts, drift_limits, words });
     let view = PlanView { name, version, sha256, items, programs, part, serial_number, asks, expected_s: None };
     Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))
 }

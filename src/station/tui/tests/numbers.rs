@@ -271,7 +271,8 @@ fn a_sub_unit_is_of_the_module_that_was_scanned_before_it() {
     }
     form.key(Key::F(2));
     scan(&mut form, "SN-2");
-    assert!(!form.text().contains("GB-7"), "{}", form.text());
+    // The message says that it is not used, and the form has it no more.
+    assert!(!form.text().replacen("GB-7 is not used.", "", 1).contains("GB-7"), "{}", form.text());
     form.key(Key::Enter);
     assert_eq!(given(&form), pairs(&[("order", "PO-1234")]));
 }
@@ -344,4 +345,74 @@ fn no_scan_goes_without_a_word() {
         scan(&mut unread, "GB\u{1d}8");
         assert_eq!(unread.key(Key::Enter), Some(Effect::LookUp("SN-2".into())), "{lang:?}: it waits still");
     }
+}
+
+/// A sub-unit that was scanned before its module, or while the verdict of the module before is shown, goes to the module that is
+/// tested next.
+#[test]
+fn a_sub_unit_that_comes_first_is_of_the_module_that_comes() {
+    let mut first = scene(Lang::En);
+    scan(&mut first, "GB-77");
+    scan(&mut first, "PO-1234");
+    scan(&mut first, "SN-0050");
+    assert_eq!(given(&first), pairs(&[("gps", "GB-77"), ("order", "PO-1234")]));
+    // It is of that module then, and of no other one.
+    first.key(Key::F(5));
+    scan(&mut first, "SN-0051");
+    assert_eq!(given(&first), pairs(&[("order", "PO-1234")]));
+    let mut second = scene(Lang::En);
+    scan(&mut second, "PO-1234");
+    second.start("SN-0049");
+    second.run_ends(Outcome::Passed);
+    scan(&mut second, "GB-77");
+    scan(&mut second, "SN-0050");
+    assert_eq!(given(&second), pairs(&[("order", "PO-1234"), ("gps", "GB-77")]));
+    assert!(second.text().contains("SN-0050: F5 starts the test."), "{}", second.text());
+    second.start("SN-0050");
+    second.run_ends(Outcome::Passed);
+    scan(&mut second, "SN-0051");
+    assert_eq!(given(&second), pairs(&[("order", "PO-1234")]), "the run has had it");
+    assert!(!second.text().contains("not used"), "{}", second.text());
+}
+
+/// Whatever was taken and no run will have is told: a number of a module that gives way to another one, and that module.
+#[test]
+fn nothing_that_was_taken_goes_without_a_word() {
+    for lang in Lang::ALL {
+        let told = |code: &str| lang.texts().not_used.replacen("{}", code, 1).replace("{}", "").trim().to_owned();
+        let mut idle = scene(lang);
+        for code in ["SN-1", "GB-7", "SN-2"] {
+            scan(&mut idle, code);
+        }
+        assert!(idle.text().contains(&told("GB-7")), "{lang:?}: {}", idle.text());
+        let mut during = scene(lang);
+        scan(&mut during, "PO-1234");
+        during.start("SN-1");
+        for code in ["SN-0131", "GB-7", "SN-0132"] {
+            scan(&mut during, code);
+        }
+        assert_eq!(during.model.scan.next.as_deref(), Some("SN-0132"));
+        assert!(during.text().contains(&told("SN-0131, GB-7")), "{lang:?}: {}", during.text());
+        during.run_ends(Outcome::Passed);
+        scan(&mut during, "SN-0078");
+        assert!(during.text().contains(&told("SN-0132")), "{lang:?}: {}", during.text());
+        assert_eq!(during.model.scan.current.as_deref(), Some("SN-0078"));
+        // The same number twice is one number.
+        scan(&mut during, "SN-0078");
+        assert!(!during.text().contains(&told("SN-0078")), "{lang:?}: {}", during.text());
+    }
+}
+
+/// What a run is given stands in the panel of the module, where there is room.
+#[test]
+fn the_numbers_of_a_module_are_in_its_panel() {
+    let mut scene = scene(Lang::En);
+    scene.resize(160, 50);
+    for code in ["PO-1234", "SN-1", "GB-7"] {
+        scan(&mut scene, code);
+    }
+    scene.pass_time(std::time::Duration::from_secs(60));
+    let text = scene.text();
+    assert!(text.contains("The order") && text.contains("PO-1234"), "{text}");
+    assert!(text.contains("The gps") && text.contains("GB-7"), "{text}");
 }

@@ -262,7 +262,7 @@ fn a_stop_that_loses_captures_is_asked_about() {
     let mut scene = in_the_hour(3000.0);
     scene.key(Key::F(10));
     assert!(scene.text().contains("Captures of 50 min"), "{}", scene.text());
-    assert_eq!(scene.key(Key::F(2)), Some(Effect::Stop));
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::StopAndLeave));
 }
 
 /// The end of an item asks as a stop does. The answer is the same key, and never that of another question.
@@ -307,7 +307,8 @@ fn to_leave_after_a_stop_is_no_second_stop() {
     let mut scene = in_the_hour(Lang::En, (80, 24), 10.0);
     assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop));
     assert_eq!(scene.key(Key::F(10)), None);
-    assert_eq!(scene.key(Key::F(2)), None, "a stop goes on already");
+    assert_eq!(scene.key(Key::F(2)), Some(Effect::StopAndLeave), "in order");
+    assert_eq!(scene.model.run.as_ref().map(|run| run.stops), Some(1));
     assert!(scene.model.leaving);
     scene.run_ends(Outcome::Aborted);
     assert_eq!(scene.tell(Msg::RunOver { verdict: None, store_error: None, refusal: None }), Some(Effect::Leave));

@@ -10,6 +10,7 @@ use crate::tui::live::History;
 use crate::tui::model::{
     ASK_FROM_S, Loaded, MessageWeight, Over, Pause, RoundsSetting, RunView, ScreenModel, ScreenPage, order,
 };
+use crate::tui::numbers::Owner;
 use crate::tui::pending::PendingStart;
 use crate::tui::records::Check;
 use crate::tui::setup_form::{Form, FormLine, FormNumber, MAX_ROUNDS};
@@ -259,6 +260,7 @@ fn watch(model: &mut ScreenModel) -> Option<Effect> {
     model.pending = None;
     model.watching = true;
     model.live = History::default();
+    model.live_of.clone_from(&model.scan.current);
     model.message = None;
     Some(Effect::Watch)
 }
@@ -290,7 +292,9 @@ fn give_up(model: &mut ScreenModel, item: &str) -> Option<Effect> {
         model.say(MessageWeight::Warning, model.texts.not_running_item);
         return None;
     }
-    model.say(MessageWeight::Info, words(model.texts.aborting_item, &[item]));
+    let told = words(model.texts.aborting_item, &[item]);
+    model.aborting = Some(told.clone());
+    model.say(MessageWeight::Info, told);
     Some(Effect::AbortItem(item.to_owned()))
 }
 
@@ -417,15 +421,20 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
     if let Some(part) = &form.part {
         model.part = part.each_ref().map(|field| field.text().trim().to_owned());
     }
-    let later = form.later && model.numbers_are_later();
+    let owner = match model.owner_of_numbers() {
+        Owner::Next if !form.later => Owner::Present,
+        owner => owner,
+    };
     for number in form.numbers.iter().filter(|number| number.is_changed()) {
-        model.numbers.set(&number.asked, number.field.text().trim(), later);
+        model.numbers.set(&number.asked, number.field.text().trim(), owner);
     }
     model.over.pop();
     model.message = None;
     model.rounds = rounds;
     model.after_failure = form.after_failure;
     form.operator.text().trim().clone_into(&mut model.operator);
+    // Whoever has looked at the form has seen the name.
+    model.operator_remembered = false;
     set_language(model, form.lang);
     let (plan, bench) = (form.plan.text().trim().to_owned(), form.bench.text().trim().to_owned());
     if plan != model.plan_path || bench != model.bench_path || !matches!(model.plan, Loaded::Ready(_)) {
@@ -459,9 +468,10 @@ fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
         if yes {
             model.leaving = true;
             model.say(MessageWeight::Warning, model.texts.leave_stop_first);
-            // Two stops would be at once.
-            let is_stopping = model.run.as_ref().is_some_and(|run| run.stops > 0);
-            return if is_stopping { None } else { stop(model) };
+            let run = model.run.as_mut().filter(|run| !run.over)?;
+            // A second stop would be at once.
+            run.stops = run.stops.max(1);
+            return Some(Effect::StopAndLeave);
         }
         return None;
     }
@@ -509,7 +519,10 @@ fn move_by(model: &mut ScreenModel, place: KeyContext, step: isize) {
                 open.cursor = moved(open.cursor, step, open.state.rows().len().saturating_sub(1));
             }
         }
-        _ => model.cursor = moved(model.cursor, step, model.order().len().saturating_sub(1)),
+        _ => {
+            model.cursor = moved(model.cursor, step, model.order().len().saturating_sub(1));
+            model.cursor_moved = true;
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use gnc_text::printable;
 use super::words;
 use crate::tui::field::InputField;
 use crate::tui::model::{MessageWeight, Over, ScreenModel};
-use crate::tui::numbers::label;
+use crate::tui::numbers::{Owner, label};
 use crate::tui::setup_form::Form;
 
 /// The only number whose pattern a scan fits.
@@ -19,14 +19,16 @@ pub(super) fn fitting(model: &ScreenModel, scanned: &str) -> Option<NumberField>
 
 /// Takes a scan as a number. While a run is on, or another module waits, it is of that next module.
 pub(super) fn take(model: &mut ScreenModel, field: &NumberField, scanned: &str) {
-    let mut later = model.numbers_are_later();
+    let mut owner = model.owner_of_numbers();
     if let Some(Over::Setup(form)) = model.over.last_mut() {
-        later &= form.later;
+        if owner == Owner::Next && !form.later {
+            owner = Owner::Present;
+        }
         if let Some(number) = form.numbers.iter_mut().find(|number| number.asked.key == field.key) {
             number.show(scanned);
         }
     }
-    model.numbers.set(field, scanned, later);
+    model.numbers.set(field, scanned, owner);
     let told = words(model.texts.number_taken, &[&name(model, field), &printable(scanned)]);
     model.say(MessageWeight::Info, told);
 }

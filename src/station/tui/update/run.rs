@@ -12,7 +12,7 @@ use gnc_executive::verdict::Verdict;
 use super::{Effect, numbers, words};
 use crate::phrases::in_language;
 use crate::tui::field::InputField;
-use crate::tui::model::{Loaded, MessageWeight, Over, Pause, Prompt, ScreenModel};
+use crate::tui::model::{Loaded, MessageWeight, Over, Pause, PowerSeen, Prompt, ScreenModel};
 use crate::tui::pending::Interrupted;
 
 /// Folds an event as every other observer does.
@@ -40,6 +40,9 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
         run.events_lost = true;
         model.mention(model.texts.events_lost);
         return None;
+    }
+    if matches!(event.kind, EventKind::Power(_)) {
+        model.power_seen = PowerSeen::ByRun;
     }
     if let EventKind::OtherModule(OtherModule { scanned, found, .. }) = &event.kind {
         let [scanned, found] = [scanned, found].map(|text| gnc_text::printable(text).into_owned());
@@ -89,9 +92,15 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
 
 pub(super) fn asked(model: &mut ScreenModel, item: String, ask: Ask) {
     let since = model.now.since_start;
+    let told = words(model.texts.question_waits, &[&gnc_text::printable(&item)]);
     if let Some(run) = &mut model.run {
         run.prompt = Some(Prompt { item, ask, since, typed: InputField::default() });
         model.call();
+        // The run waits for the answer, so nothing to read stands before the question. Another question does, and says so.
+        model.over.retain(|over| !matches!(over, Over::Help { .. }));
+        if model.over.iter().any(|over| matches!(over, Over::Leave | Over::Stop { .. })) {
+            model.mention(told);
+        }
     }
 }
 
@@ -137,17 +146,27 @@ pub(super) fn over(
     let said = match (&store_error, refusal) {
         (_, Some(why)) => {
             let first = why.lines().next().unwrap_or_default();
-            Some((MessageWeight::Error, words(texts.run_refused, &[&in_language(first, lang)])))
+            Some(words(texts.run_refused, &[&in_language(first, lang)]))
         }
-        // It has a place of its own, where it stays.
-        (Some(_), None) => None,
-        (None, None) if run.power_unknown() => Some((MessageWeight::Warning, texts.watchdog_acts.to_owned())),
-        (None, None) => None,
+        // That the record could not be written has a place of its own, where it stays; so has a power that nobody knows.
+        (_, None) => None,
     };
     let recorded = verdict.is_some() || !run.ends.is_empty();
     run.store_error.clone_from(&store_error);
     let missed = run.folder.clone().filter(|_| run.events_lost);
     let nothing_done = run.ends.is_empty() && run.state.header().is_none() && !run.events_lost;
+    model.line_lost = false;
+    if let Some(next) = model.scan.next.clone() {
+        // "It comes next, after this run": the run is over.
+        let shown = gnc_text::printable(&next).into_owned();
+        let (during, now) = (words(texts.scanned_next, &[&shown]), words(model.what_f5_does(), &[&shown]));
+        if let Some((_, message)) = &mut model.message {
+            *message = message.replace(&during, &now);
+        }
+    }
+    // "The run goes on" is of the run that was on.
+    let aborting = model.aborting.take();
+    model.message.take_if(|(_, message)| aborting.as_ref() == Some(message));
     if nothing_done && refusal.is_some() {
         model.run = None;
     }
@@ -156,11 +175,8 @@ pub(super) fn over(
     } else if recorded {
         model.unrecorded = None;
     }
-    match said {
-        // An error of the run, as that of another module in the socket, matters more.
-        Some((MessageWeight::Warning, what)) => model.mention(what),
-        Some((weight, what)) => model.say(weight, what),
-        None => {}
+    if let Some(what) = said {
+        model.say(MessageWeight::Error, what);
     }
     // The question whether to stop the run needs no answer any more.
     model.over.retain(|over| !matches!(over, Over::Leave | Over::Stop { .. } | Over::GiveUp { .. }));

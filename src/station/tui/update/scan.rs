@@ -11,6 +11,7 @@ use crate::tui::fields;
 use crate::tui::framing::{self, ScanProblem};
 use crate::tui::input::Scanned;
 use crate::tui::keymap::KeyContext;
+use crate::tui::live::History;
 use crate::tui::model::{MessageWeight, Over, ScreenModel, ScreenPage};
 
 /// Takes a scan, wherever the operator is. It is never a key and never falls into another field.
@@ -136,12 +137,16 @@ fn take_scanned(model: &mut ScreenModel, number: &str, typed: &InputField) -> Op
         return None;
     }
     let shown = gnc_text::printable(&number).into_owned();
-    let effect = take_number(model, number);
+    let (effect, dropped) = take_module(model, number);
     if matches!(model.over.last(), Some(Over::Setup(_))) {
-        model.say(MessageWeight::Info, words(texts.scan_beside_form, &[&shown]));
+        tell_taken(model, words(texts.scan_beside_form, &[&shown]), &dropped);
     } else if !typed.is_empty() {
-        let dropped = gnc_text::printable(typed.text()).into_owned();
-        model.say(MessageWeight::Warning, words(texts.scan_instead, &[&shown, &dropped]));
+        let typed = gnc_text::printable(typed.text()).into_owned();
+        tell_taken(model, words(texts.scan_instead, &[&shown, &typed]), &dropped);
+        model.weigh(MessageWeight::Warning);
+    } else {
+        let told = taken_words(model, &shown);
+        tell_taken(model, told, &dropped);
     }
     effect
 }
@@ -197,30 +202,58 @@ pub(super) fn finish_typed(model: &mut ScreenModel) -> Result<Option<Effect>, ()
 
 /// Takes a number: at once, or after the run that is on.
 pub(super) fn take_number(model: &mut ScreenModel, number: String) -> Option<Effect> {
-    let texts = model.texts;
     let shown = gnc_text::printable(&number).into_owned();
-    if model.scan.next.as_ref().is_some_and(|next| *next != number) {
-        model.numbers.another_next();
+    let (effect, dropped) = take_module(model, number);
+    let told = taken_words(model, &shown);
+    tell_taken(model, told, &dropped);
+    effect
+}
+
+/// That a module comes now, and what F5 does with it, or that it comes next.
+fn taken_words(model: &ScreenModel, shown: &str) -> String {
+    words(if model.is_running() { model.texts.scanned_next } else { model.what_f5_does() }, &[shown])
+}
+
+/// Tells what was taken, and before it all that no run will have.
+fn tell_taken(model: &mut ScreenModel, told: String, dropped: &[String]) {
+    match dropped {
+        [] => model.say(MessageWeight::Info, told),
+        _ => {
+            let told = not_used(model, &dropped.join(", "), &told);
+            model.say(MessageWeight::Warning, told);
+        }
     }
+}
+
+/// Takes a number, and returns all that was taken before and no run will have.
+fn take_module(model: &mut ScreenModel, number: String) -> (Option<Effect>, Vec<String>) {
+    let mut dropped: Vec<String> = model.scan.next.take_if(|next| *next != number).into_iter().collect();
+    if !dropped.is_empty() {
+        dropped.extend(model.numbers.another_next());
+    }
+    model.message = None;
     if model.is_running() {
         model.scan.next = Some(number);
-        model.say(MessageWeight::Info, words(texts.scanned_next, &[&shown]));
-        return None;
+        return (None, dropped);
     }
-    model.numbers.module_comes(model.scan.current.as_ref() != Some(&number));
+    dropped.extend(model.numbers.module_comes(model.scan.current.as_ref() != Some(&number)));
     model.scan.current = Some(number);
     model.scan.next = None;
     numbers::show(model);
     model.scan.standing = None;
     model.pending = None;
-    // The verdict on the screen belongs to another module.
+    // The verdict on the screen belongs to another module. Whether the module before is off is still worth knowing.
+    model.keep_power();
     model.run = None;
     model.cursor = 0;
     model.page = ScreenPage::Tests;
     model.over.retain(|over| matches!(over, Over::Setup(_)));
-    model.say(MessageWeight::Info, words(texts.scanned, &[&shown]));
     // Raw values are those of the module before. When it is switched off, the records are searched.
-    if model.watching { Some(Effect::Stop) } else { look_up(model) }
+    if model.watching {
+        return (Some(Effect::Stop), dropped);
+    }
+    model.live = History::default();
+    (look_up(model), dropped)
 }
 
 /// The patterns of bench and plan, as far as they are known.

@@ -102,6 +102,7 @@ pub(super) fn choose(model: &mut ScreenModel, plan: String, bench: String) -> Ef
     model.pending = None;
     model.plan = Loaded::Loading;
     if !model.is_running() {
+        model.keep_power();
         model.run = None;
     }
     Effect::Choose { plan, bench }
@@ -126,10 +127,15 @@ fn start(model: &mut ScreenModel) -> Option<Effect> {
     let (plan_sha256, expected_s) = (plan.sha256.clone(), plan.expected_s);
     // Readings of another module are not shown beside this module.
     model.live = History::default();
+    model.live_of = Some(serial_number.clone());
+    model.keep_power();
+    model.line_lost = false;
     model.run = Some(RunView::new(serial_number.clone(), rounds, expected_s, &model.now));
     model.message = None;
-    model.cursor = 0;
+    (model.cursor, model.cursor_moved) = (0, false);
     let fields = model.asked_numbers();
+    model.operator_remembered = false;
+    model.numbers.run_begins();
     Some(Effect::Start(StartRequest {
         serial_number,
         part: model.part.clone(),

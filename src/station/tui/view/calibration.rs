@@ -74,7 +74,9 @@ fn pose_lines(model: &ScreenModel, guidance: &Guidance, cells: usize) -> Vec<Lin
     let orientation =
         guidance.orientation.as_ref().map(|orientation| model.texts.orientation(orientation)).unwrap_or_default();
     let mut lines: Vec<Line<'static>> = text::wrap(&orientation, cells).into_iter().map(strong).collect();
-    if let Some(motion) = guidance.present().and_then(|planned| model.texts.motion(&planned.pose)) {
+    // While the module warms up nothing moves, and the first capture of the program may exist already.
+    let present = guidance.present().filter(|_| !guidance.waits_to_go_on());
+    if let Some(motion) = present.and_then(|planned| model.texts.motion(&planned.pose)) {
         lines.extend(text::wrap(&motion, cells).into_iter().map(|line| Line::styled(line, style::accent(model.look))));
     }
     lines
@@ -85,7 +87,13 @@ fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: u
     let texts = model.texts;
     let stage = text::wrap(&texts.stage(guidance), cells).into_iter();
     let mut lines: Vec<Line<'static>> = stage.map(|line| Line::styled(line, style::strong())).collect();
-    if let Some(planned) = guidance.present() {
+    let present = guidance.present().filter(|_| !guidance.waits_to_go_on());
+    if !guidance.taken.is_empty() {
+        let (taken, all) = (guidance.taken.len().to_string(), guidance.captures.len().to_string());
+        let told = text::wrap(&fill(texts.captures_taken, &[&taken, &all]), cells).into_iter();
+        lines.extend(told.map(Line::raw));
+    }
+    if let Some(planned) = present {
         let which =
             fill(texts.capture_of, &[&(guidance.finished + 1).to_string(), &guidance.captures.len().to_string()]);
         lines.push(Line::raw(text::cut(&format!("{which}: {}", text::shown(&texts.capture(&planned.label))), cells)));
@@ -105,7 +113,7 @@ fn progress_lines(model: &ScreenModel, item: &str, guidance: &Guidance, cells: u
             Span::styled(text::cut(&value, room), style::accent(model.look)),
         ])
     };
-    if let Some(planned) = guidance.present() {
+    if let Some(planned) = present {
         let done = guidance.captured_s / planned.span_s.max(f64::MIN_POSITIVE);
         lines.push(line(texts.this_capture, Some(done), guidance.capture_left_s()));
     }
@@ -143,7 +151,7 @@ fn heat_lines(model: &ScreenModel, item: &str, heat: &HeatView, cells: usize) ->
 }
 
 /// Bench time of all captures that remain in the plan.
-pub(super) fn plan_left_s(model: &ScreenModel, item: &str, guidance: &Guidance) -> Option<f64> {
+pub(in crate::tui) fn plan_left_s(model: &ScreenModel, item: &str, guidance: &Guidance) -> Option<f64> {
     let programs = &model.plan.ready()?.programs;
     let state = &model.run.as_ref()?.state;
     let later = programs.iter().filter(|program| program.item != item && is_open(state, &program.item));
@@ -157,7 +165,7 @@ fn is_open(state: &RunState, item: &str) -> bool {
 /// All captures of the item, with a mark for each that is finished.
 fn captures(model: &ScreenModel, guidance: &Guidance, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
-    let title = format!("{} {}/{}", texts.captures, guidance.finished, guidance.captures.len());
+    let title = format!("{} {}/{}", texts.captures, guidance.existing(), guidance.captures.len());
     let block = block(&title);
     let inner = block.inner(area);
     frame.render_widget(block, area);
@@ -169,14 +177,15 @@ fn captures(model: &ScreenModel, guidance: &Guidance, frame: &mut Frame<'_>, are
 }
 
 fn capture(model: &ScreenModel, guidance: &Guidance, index: usize, planned: &Planned, cells: usize) -> Line<'static> {
-    let at_work = index == guidance.finished;
+    let at_work = index == guidance.finished && !guidance.waits_to_go_on();
     let (mark, style) = match index {
-        _ if index < guidance.finished => ("✓", style::outcome(model.look, gnc_executive::outcome::Outcome::Passed)),
+        _ if guidance.exists(index) => ("✓", style::outcome(model.look, gnc_executive::outcome::Outcome::Passed)),
         _ if at_work => (">", style::accent(model.look)),
         _ => (" ", style::faint()),
     };
     let time = if at_work && guidance.stage == Stage::Capturing { guidance.capture_left_s() } else { planned.span_s };
-    let time = duration(time);
+    let taken = guidance.taken.contains(&planned.label);
+    let time = if taken { model.texts.taken_over.to_owned() } else { duration(time) };
     let room = cells.saturating_sub(text::width(&time) + 4);
     Line::from(vec![
         Span::styled(format!(" {mark} "), style),

@@ -8,7 +8,7 @@ use ratatui::text::{Line, Span};
 use super::rows::{decided, is_bad};
 use super::{frame as edges, style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{Loaded, MessageWeight, RunView, ScreenModel, ScreenPage, order};
+use crate::tui::model::{Loaded, MessageWeight, PowerKnown, RunView, ScreenModel, ScreenPage, order};
 
 pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
@@ -16,19 +16,36 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let number = model.run.as_ref().map(|run| &run.serial_number).or(model.scan.current.as_ref());
     let number = number.map_or_else(|| format!("_  ({})", texts.scan_here), |number| text::shown(number));
     let mut lines = vec![match &model.run {
+        // The module is under power, and whatever stood here is of a run before.
+        _ if model.watching => {
+            let word = format!("{} {number}: {}", texts.watching, texts.no_verdict);
+            Line::styled(text::cut(&word, cells), style::accent(model.look).patch(style::strong()))
+        }
         Some(run) => headline(model, run, &number, cells),
-        None => Line::styled(text::cut(&format!("{} {number}", texts.ready), cells), style::strong()),
+        None => Line::styled(text::cut(&format!("{} {number}", super::panels::ready(model)), cells), style::strong()),
     }];
+    if !model.scan.typed.is_empty() {
+        let typed = format!("{} {}_", texts.serial_number, text::shown(model.scan.typed.text()));
+        lines.push(Line::styled(text::cut(&typed, cells), style::accent(model.look).patch(style::strong())));
+    }
+    if model.watching {
+        lines.push(Line::styled(texts.module_on, style::strong()));
+    }
     let caveats = edges::no_evidence(model);
     lines.extend(caveats.iter().map(|caveat| Line::styled(text::cut(caveat, cells), style::strong())));
     let danger = model.run.as_ref().is_some_and(|run| run.state.breaches().iter().any(|seen| seen.breach.safety));
-    let unknown = model.run.as_ref().is_some_and(RunView::power_unknown);
+    let unknown = model.power() != PowerKnown::Known;
     for (is, words) in [(danger, texts.danger_powered), (unknown, texts.power_unknown)] {
         if is {
             lines.push(Line::styled(text::cut(words, cells), style::weight(model.look, MessageWeight::Error)));
         }
     }
     match (&model.run, &model.bench, &model.plan) {
+        _ if model.watching => {}
+        (Some(run), ..) if run.over => {
+            lines.extend(of_run(model, run, cells));
+            lines.extend(chosen(model, cells));
+        }
         (Some(run), ..) => lines.extend(of_run(model, run, cells)),
         (None, Loaded::Refused(why), _) | (None, _, Loaded::Refused(why)) => {
             lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(&model.said(line)), cells))));
@@ -36,6 +53,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         (None, _, Loaded::Ready(plan)) => {
             let what = format!("{} {}", text::shown(&plan.name), text::shown(&plan.version));
             lines.push(Line::raw(text::cut(&what, cells)));
+            lines.extend(chosen(model, cells));
         }
         _ => lines.push(Line::raw(texts.loading)),
     }
@@ -48,6 +66,20 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         lines.splice(at..at, hint);
     }
     text::lines(frame, lines, area);
+}
+
+/// What F5 and F3 would run: a selection is told before it runs, and the item under the cursor has no list here.
+fn chosen(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
+    let mut lines = Vec::new();
+    if model.ticks.iter().any(|tick| !tick) {
+        let (ticked, all) = (model.ticks.iter().filter(|tick| **tick).count(), model.ticks.len());
+        let told = format!("F5: {ticked}/{all}  {}", model.texts.selection_long);
+        lines.push(Line::styled(text::cut(&told, cells), style::strong()));
+    }
+    if let Some(item) = model.item_under_cursor() {
+        lines.push(Line::raw(text::cut(&format!("F3: {}", text::shown(item)), cells)));
+    }
+    lines
 }
 
 /// The verdict, or how far the run is.

@@ -112,7 +112,9 @@ fn attempt_lines(model: &ScreenModel, row: &Row, attempt: &Attempt, cells: usize
             style::strong(),
             cells,
         ));
-        if !error.hint.is_empty() {
+        // "The item runs again" is of a run that is on.
+        let past = error.again && model.shown_state().is_some_and(|state| state.verdict().is_some());
+        if !error.hint.is_empty() && !past {
             lines.extend(sentence(texts.try_this, &text::shown(&model.said(&error.hint)), Style::new(), cells));
         }
     }

@@ -55,7 +55,7 @@ fn free_left_edge(frame: &mut Frame<'_>, place: Rect) {
 
 /// "F2 Yes   Esc No", in as many lines as they need.
 fn answers(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
-    let keys = keymap::bindings(model.place()).filter(|binding| binding.footer && binding.action != KeyAction::Stop);
+    let keys = model.keys(model.place()).filter(|binding| binding.footer && binding.action != KeyAction::Stop);
     let (mut lines, mut line) = (Vec::new(), Line::default());
     for binding in keys {
         let name = Span::styled(keymap::name(binding.key), style::turned());
@@ -125,7 +125,9 @@ pub(super) fn interrupted(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect
 /// The run that was asked for cannot be taken up.
 pub(super) fn no_resume(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, why: &str) {
     let texts = model.texts;
-    let lines = [text::shown(&model.said(why)), texts.no_resume_question.to_owned()];
+    let of_items = model.pending.as_ref().is_some_and(|pending| pending.selection.is_some());
+    let asked = if of_items { texts.no_resume_items } else { texts.no_resume_question };
+    let lines = [text::shown(&model.said(why)), asked.to_owned()];
     question(model, frame, area, texts.interrupted_title, &lines);
 }
 
@@ -276,7 +278,7 @@ fn typed(model: &ScreenModel, prompt: &Prompt) -> String {
 
 /// What the keys do in a place, from the table of keys.
 pub(super) fn help(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, place: KeyContext, scroll: usize) {
-    let keys: Vec<_> = keymap::bindings(place).collect();
+    let keys: Vec<_> = model.keys(place).collect();
     let name_cells = keys.iter().map(|binding| keymap::name(binding.key).len()).max().unwrap_or(0);
     let lines = |cells: usize| {
         let each = keys.iter().flat_map(|binding| {

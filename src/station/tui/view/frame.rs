@@ -82,13 +82,18 @@ fn standing(model: &ScreenModel) -> Option<(String, Style)> {
     if model.page == ScreenPage::Tests && model.over.is_empty() {
         return None;
     }
+    if model.watching {
+        // The module is under power, and the verdict is of a run before.
+        return Some((format!(" {} ", model.texts.watching), style::accent(model.look)));
+    }
     let number = text::cut(&text::shown(&run.serial_number), STANDING_NUMBER);
     Some(match run.verdict() {
         Some(verdict) => {
-            let word = format!(" {} {number} ", (model.texts.verdict)(verdict));
+            // The word of the list: the letters of the large word are Latin where the language has others.
+            let word = format!(" {} {number} ", model.texts.word_of(verdict).to_uppercase());
             (word, style::verdict_area(model.look, verdict))
         }
-        None => (format!(" {} {number} ", model.texts.running), style::accent(model.look)),
+        None => (format!(" {} {number} ", super::panels::on(model, run)), style::accent(model.look)),
     })
 }
 
@@ -108,35 +113,29 @@ fn badges(model: &ScreenModel) -> Vec<String> {
     }
 }
 
-/// Most lines of the words about a record that cannot be written, on a screen with panels: they hold the path of a file,
-/// the reason and what to do.
-const UNRECORDED_LINES: usize = 3;
+/// Most lines of a message on a screen with panels: what is wrong, and what to do.
+const MESSAGE_LINES: usize = 2;
 
-/// Why the record of a run could not be written, as long as that is so.
-pub(super) fn unrecorded(model: &ScreenModel, area: Rect) -> Vec<Line<'static>> {
-    let Some(why) = &model.unrecorded else { return Vec::new() };
+/// The latest message; what warns is not cut as long as there is room.
+pub(super) fn message(model: &ScreenModel, area: Rect) -> Vec<Line<'static>> {
+    let Some((weight, message)) = &model.message else { return vec![Line::raw("")] };
     let cells = usize::from(area.width).saturating_sub(2);
-    let rows = if area.height < super::MIN_HEIGHT { 1 } else { UNRECORDED_LINES };
-    let mut lines = text::wrap(&text::shown(why), cells);
-    text::shorten(&mut lines, rows, cells);
-    let style = style::weight(model.look, MessageWeight::Error);
+    let small = area.width < super::MIN_WIDTH || area.height < super::MIN_HEIGHT;
+    let shown = text::shown(message);
+    let mut lines = match weight {
+        MessageWeight::Warning | MessageWeight::Error if !small => text::wrap(&shown, cells),
+        _ => vec![text::cut(&shown, cells)],
+    };
+    text::shorten(&mut lines, MESSAGE_LINES, cells);
+    let style = style::weight(model.look, *weight);
     lines.into_iter().map(|line| Line::styled(format!(" {line}"), style)).collect()
-}
-
-/// The latest message.
-pub(super) fn message(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
-    let Some((weight, message)) = &model.message else { return };
-    let cells = usize::from(area.width).saturating_sub(2);
-    let line =
-        Line::styled(format!(" {}", text::cut(&text::shown(message), cells)), style::weight(model.look, *weight));
-    frame.render_widget(line, area);
 }
 
 /// The keys of the place, from the table of keys; closer together if there is little room. Where there is still less, the
 /// last keys go, and a mark says so; help has them all. What stops or begins something stays to the last.
 pub(super) fn foot(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let width = usize::from(area.width);
-    let mut keys: Vec<_> = keymap::bindings(model.place()).filter(|binding| binding.footer).collect();
+    let mut keys: Vec<_> = model.keys(model.place()).filter(|binding| binding.footer).collect();
     let line = |keys: &[&keymap::Binding], gap: &str| {
         let spans = keys.iter().flat_map(|binding| {
             let what = key_label(model, binding.action);

@@ -83,7 +83,13 @@ fn gap(lines: &mut Vec<Line<'static>>, roomy: bool) {
 fn title(model: &ScreenModel) -> String {
     let texts = model.texts;
     let age = model.now.since_start.saturating_sub(model.live.at.unwrap_or_default());
-    let what = if model.watching { format!("{}: {}", texts.watching, texts.no_verdict) } else { texts.live.to_owned() };
+    let number = model.live_of.as_deref().map(|number| format!(" {}", text::shown(number))).unwrap_or_default();
+    let what = match (model.watching, model.is_running()) {
+        (true, _) => format!("{}{number}: {}", texts.watching, texts.no_verdict),
+        (false, true) => texts.live.to_owned(),
+        // The module is off, or nobody knows: these values are not of now.
+        (false, false) => format!("{}{number}", texts.last_values),
+    };
     if age > FRESH { format!("{what} · {}", fill(texts.seconds_ago, &[&age.as_secs().to_string()])) } else { what }
 }
 
@@ -182,11 +188,11 @@ fn stream(model: &ScreenModel, reading: &StreamReading, cells: usize) -> Line<'s
         StreamId::Pps => "1PPS",
         StreamId::Compensated => "COMP",
     };
+    // Nothing comes any more where nothing is on.
+    let on = model.watching || model.is_running();
+    let rate = if on { format!("{:>7.1}/s", reading.rate_hz) } else { format!("{:>7}  ", "-") };
     let lost = reading.on_board + reading.on_line;
-    let line = format!(
-        " {name:<5}{:>7.1}/s {:>9}  {}/{}",
-        reading.rate_hz, reading.received, reading.on_board, reading.on_line
-    );
+    let line = format!(" {name:<5}{rate} {:>9}  {}/{}", reading.received, reading.on_board, reading.on_line);
     let style =
         if lost > 0 { style::weight(model.look, crate::tui::model::MessageWeight::Warning) } else { Style::new() };
     Line::styled(text::cut(&line, cells), style)

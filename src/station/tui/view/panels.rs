@@ -5,6 +5,7 @@ use std::time::Duration;
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::catalogue::processor::PART;
 use gnc_executive::event::{BoardBreach, StopHow};
+use gnc_executive::numbers::NumberField;
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
 use gnc_executive::verdict::Verdict;
@@ -14,9 +15,10 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph};
 
-use super::{big, frame, style, text};
+use super::{big, style, text, trouble};
 use crate::tui::lang::fill;
-use crate::tui::model::{Loaded, MessageWeight, Pause, RoundsSetting, RunView, ScreenModel};
+use crate::tui::model::{Loaded, MessageWeight, Pause, PowerKnown, PowerSeen, RoundsSetting, RunView, ScreenModel};
+use crate::tui::numbers::label;
 
 /// A panel with its title.
 pub(super) fn block(title: &str) -> Block<'static> {
@@ -64,8 +66,14 @@ pub(super) fn product(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     }
     let roomy = inner.height > 5;
     let station = model.bench.ready().map_or("", |bench| bench.station.as_str());
-    let who =
-        if roomy { model.operator.clone() } else { join(&model.operator, &format!("{} {station}", texts.station)) };
+    let who = match model.operator.as_str() {
+        "" => "-".to_owned(),
+        // The mark matters more than the station beside it.
+        name if model.operator_remembered => format!("{name} ({})", texts.operator_of_last_run),
+        name => name.to_owned(),
+    };
+    let alone = roomy || model.operator_remembered;
+    let who = if alone { who } else { format!("{who} · {} {station}", texts.station) };
     lines.push(line(texts.operator, &text::shown(&who), Style::new()));
     if roomy {
         lines.push(line(texts.station, &text::shown(station), Style::new()));
@@ -81,15 +89,18 @@ pub(super) fn product(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         }
         None => lines.push(line(texts.board, &board, board_style)),
     }
+    if roomy {
+        let given =
+            |field: &NumberField| (label(&field.label, model.lang).to_owned(), model.numbers.get(field).to_owned());
+        let numbers =
+            model.asked_numbers().iter().map(given).filter(|(_, value)| !value.is_empty()).collect::<Vec<_>>();
+        lines.extend(numbers.iter().map(|(name, value)| line(&text::shown(name), &text::shown(value), Style::new())));
+    }
     let folder = model.run.as_ref().and_then(|run| run.folder.as_ref());
     if let Some(folder) = folder.filter(|_| roomy) {
         lines.push(line(texts.record_in, &text::shown(&folder.display().to_string()), style::faint()));
     }
     text::lines(frame, lines, inner);
-}
-
-fn join(first: &str, second: &str) -> String {
-    if first.is_empty() { second.to_owned() } else { format!("{first} · {second}") }
 }
 
 /// The number that is being typed; else the number of the run on the screen; else the scanned number.
@@ -134,24 +145,35 @@ fn board(model: &ScreenModel) -> (String, Style) {
         // Values are watched, and the last run knows nothing of it.
         return (texts.module_on.to_owned(), style::strong());
     }
-    if let Some((run, board)) = run.and_then(|run| Some((run, run.state.board()?))) {
-        let (power, style) = match run.state.power() {
-            Some(power) if power.on && run.over => {
-                (texts.power_unknown, style::weight(model.look, MessageWeight::Warning))
+    let board = run.and_then(|run| run.state.board());
+    if board.is_none() && model.power() == PowerKnown::Known {
+        match &model.bench {
+            Loaded::Ready(_) => {}
+            Loaded::Loading => return (texts.loading.to_owned(), style::faint()),
+            Loaded::Refused(why) => {
+                return (model.said(why.lines().next().unwrap_or_default()).into_owned(), style::strong());
             }
-            Some(power) if power.on => (texts.module_on, Style::new()),
-            _ => (texts.module_off, Style::new()),
-        };
-        return (text::shown(&format!("{power} · {} · {}", board.board_serial, model.said(&board.link))), style);
-    }
-    match &model.bench {
-        Loaded::Ready(bench) if bench.link.is_empty() => (texts.no_board_yet.to_owned(), style::faint()),
-        Loaded::Ready(bench) => {
-            (format!("{} · {}", texts.no_board_yet, text::shown(&model.said(&bench.link))), style::faint())
         }
-        Loaded::Loading => (texts.loading.to_owned(), style::faint()),
-        Loaded::Refused(why) => (model.said(why.lines().next().unwrap_or_default()).into_owned(), style::strong()),
     }
+    let on = run.and_then(|run| run.state.power()).is_some_and(|power| power.on);
+    let (power, style) = match (model.power(), model.power_seen) {
+        (PowerKnown::Unknown | PowerKnown::LineLost, _) => {
+            (texts.power_unknown, style::weight(model.look, MessageWeight::Warning))
+        }
+        (PowerKnown::Known, PowerSeen::Off) => (texts.module_off, Style::new()),
+        _ if run.is_some_and(trouble::no_board) => {
+            (texts.no_board_answer, style::weight(model.look, MessageWeight::Error))
+        }
+        _ if board.is_none() => (texts.no_board_yet, style::faint()),
+        _ if on => (texts.module_on, Style::new()),
+        _ => (texts.module_off, Style::new()),
+    };
+    let which = match board {
+        Some(board) => format!("{} · {}", board.board_serial, model.said(&board.link)),
+        None => model.bench.ready().map(|bench| model.said(&bench.link).into_owned()).unwrap_or_default(),
+    };
+    let all = if which.is_empty() { power.to_owned() } else { format!("{power} · {which}") };
+    (text::shown(&all), style)
 }
 
 /// Which rules of the interface document the board of this run breaks: the number, and the last one in words.
@@ -178,6 +200,16 @@ fn doing(model: &ScreenModel, run: &RunView) -> String {
         (None, Pause::Asked) if run.state.in_flight() == 0 => texts.paused.to_owned(),
         (None, Pause::Asked) => format!("{}: {}", texts.running, texts.pausing),
         (None, Pause::No) => texts.running.to_owned(),
+    }
+}
+
+/// That the run is on, or that it is being stopped, for the head of the other pages.
+pub(super) fn on(model: &ScreenModel, run: &RunView) -> &'static str {
+    match run.state.stop() {
+        Some((StopHow::AtOnce, _)) => model.texts.stopping_at_once,
+        Some(_) => model.texts.stopping,
+        None if run.stops > 0 => model.texts.stopping,
+        None => model.texts.running,
     }
 }
 
@@ -232,7 +264,7 @@ pub(super) fn times(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 /// way to it.
 fn idle_lines(model: &ScreenModel, cells: usize, room: usize) -> Vec<Line<'static>> {
     let texts = model.texts;
-    let mut lines = vec![Line::styled(texts.ready, style::strong())];
+    let mut lines = vec![Line::styled(ready(model), style::strong())];
     match &model.scan.standing {
         Some(standing) => {
             let weight = if standing.is_tested() { MessageWeight::Warning } else { MessageWeight::Info };
@@ -259,10 +291,19 @@ fn idle_lines(model: &ScreenModel, cells: usize, room: usize) -> Vec<Line<'stati
 /// "scan, then F5"; after a scan which module F5 tests.
 fn what_next(model: &ScreenModel, cells: usize) -> String {
     let texts = model.texts;
-    let Some(number) = &model.scan.current else { return text::cut(texts.no_verdict_yet, cells) };
+    let Some(number) = &model.scan.current else {
+        let next = if model.is_refused() { texts.refused_next } else { texts.no_verdict_yet };
+        return text::cut(next, cells);
+    };
     // A long number is cut, and what to do stays.
-    let room = cells.saturating_sub(text::width(&fill(texts.scanned, &[""])));
-    text::cut(&fill(texts.scanned, &[&text::cut(&text::shown(number), room)]), cells)
+    let told = model.what_f5_does();
+    let room = cells.saturating_sub(text::width(&fill(told, &[""])));
+    text::cut(&fill(told, &[&text::cut(&text::shown(number), room)]), cells)
+}
+
+/// That all is ready for a run, or that a file with mistakes stands in its way.
+pub(super) fn ready(model: &ScreenModel) -> &'static str {
+    if model.is_refused() { model.texts.not_ready } else { model.texts.ready }
 }
 
 pub(super) fn rounds_words(model: &ScreenModel, rounds: RoundsSetting) -> String {
@@ -295,9 +336,19 @@ fn expected(model: &ScreenModel, run: &RunView, elapsed_s: f64) -> (String, Stri
     // The time of a part of the plan is unknown.
     let whole = run.state.header().is_some_and(|header| header.selection.is_none());
     let Some(expected_s) = run.expected_s.filter(|_| whole) else {
+        // The captures of a plan take known times, and most of the whole.
+        let left_s =
+            model.guidance().and_then(|(item, guidance)| super::calibration::plan_left_s(model, item, guidance));
+        if let Some(left_s) = left_s.filter(|_| run.pause == Pause::No) {
+            let ends = model.now.at + chrono::TimeDelta::milliseconds((left_s * 1e3) as i64);
+            return (duration(left_s), ends.format("%H:%M:%S").to_string());
+        }
         return (texts.unknown_yet.to_owned(), texts.unknown_yet.to_owned());
     };
     let remaining_s = expected_s - elapsed_s + run.paused.as_secs_f64();
+    if remaining_s < 0.0 && run.pause == Pause::Asked {
+        return (texts.unknown_yet.to_owned(), texts.unknown_yet.to_owned());
+    }
     if remaining_s < 0.0 {
         return (texts.longer_than_last.to_owned(), "-".to_owned());
     }
@@ -349,12 +400,26 @@ pub(super) fn verdict(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let Some(verdict) = verdict else { return no_verdict(model, frame, area) };
     let style = style::verdict_area(model.look, verdict);
     let times = model.run.as_ref().map(|run| times_line(model, run)).unwrap_or_default();
-    let caveat = match frame::no_evidence(model).len() {
-        0 => String::new(),
-        _ => format!(" {} ", short_caveat(model)),
+    let caveat = match short_caveat(model) {
+        caveat if caveat.is_empty() => caveat,
+        caveat => format!(" {caveat} "),
+    };
+    // The verdict names its module: the panel beside may show the number that is typed for the next one.
+    let word = texts.word_of(verdict);
+    let number = model.run.as_ref().map(|run| text::shown(&run.serial_number)).unwrap_or_default();
+    // The corners, the spaces around both titles, and the dot between.
+    let room = usize::from(area.width).saturating_sub(text::width(word) + text::width(&caveat) + 8);
+    let (above, below) = if text::width(&number) <= room {
+        (format!(" · {number}"), String::new())
+    } else {
+        // Where a caveat takes the room, the number stands at the other border.
+        let room = usize::from(area.width).saturating_sub(text::width(&times) + 7);
+        let cut = if room > 1 { format!(" {} ", text::cut(&number, room)) } else { String::new() };
+        (String::new(), cut)
     };
     let block = Block::bordered()
-        .title(format!(" {} ", texts.word_of(verdict)))
+        .title(format!(" {word}{above} "))
+        .title_bottom(Line::raw(below))
         .title(Line::raw(caveat).alignment(Alignment::Right))
         .title_bottom(Line::raw(format!(" {times} ")).alignment(Alignment::Right))
         .style(style);
@@ -377,7 +442,7 @@ fn no_verdict(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let middle = Rect { y: inner.y + inner.height / 2, height: 1.min(inner.height), ..inner };
-    frame.render_widget(Paragraph::new(texts.ready).centered().style(style::faint()), middle);
+    frame.render_widget(Paragraph::new(ready(model)).centered().style(style::faint()), middle);
 }
 
 /// A caveat beside the verdict itself, since a person may see nothing else.
@@ -401,7 +466,9 @@ pub(super) fn mistakes(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, w
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let cells = usize::from(inner.width);
-    let mut lines = vec![Line::styled(model.texts.mistakes_found, style::strong())];
+    let of_bench = matches!(model.bench, Loaded::Refused(_));
+    let found = if of_bench { model.texts.mistakes_of_bench } else { model.texts.mistakes_found };
+    let mut lines = vec![Line::styled(found, style::strong())];
     lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(&model.said(line)), cells))));
     let room = usize::from(inner.height);
     if lines.len() > room && room > 0 {

@@ -97,6 +97,8 @@ fn list(model: &ScreenModel, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
         text::fit(texts.plan, 13),
         text::right(texts.time, 9)
     );
+    let narrow = format!("  {} {}, {}", text::fit(texts.start_time, 8), texts.outcome, texts.serial_number);
+    let head = if cells < WHOLE { narrow } else { head };
     let mut lines = vec![Line::styled(text::cut(&head, cells), style::faint())];
     if let Some(error) = &records.error {
         lines.push(Line::styled(text::shown(&model.said(error)), style::weight(model.look, MessageWeight::Error)));
@@ -121,6 +123,8 @@ fn list(model: &ScreenModel, runs: &Runs, frame: &mut Frame<'_>, area: Rect) {
 const OUTCOME: usize = 13;
 /// Cells of a line before the caveats: cursor, time, serial number, outcome, plan, time and a gap.
 const BEFORE_CAVEATS: usize = 2 + 9 + 19 + (OUTCOME + 1) + 14 + 9 + 1;
+/// Cells from which on a line has room for all columns and short caveats.
+const WHOLE: usize = BEFORE_CAVEATS + 3 + 1 + 3;
 /// Lines above the reasons why a run is no evidence, with the borders.
 const HEAD_OF_RUN: u16 = 5;
 
@@ -137,6 +141,20 @@ fn run_spans(model: &ScreenModel, run: &RunLine, same: bool, cells: usize) -> Ve
     ];
     let caveats = || caveats.iter().filter(|(is, ..)| *is);
     let whole = caveats().map(|(_, word, _)| *word).collect::<Vec<_>>().join(" ");
+    if cells < WHOLE {
+        // The caveats stand before the outcome, so that no line reads as a pass of a module that was not tested. What does not fit
+        // behind it, the plan and the time that the run took, is in the run itself.
+        let short = caveats().map(|(.., short)| *short).collect::<Vec<_>>().join(" ");
+        let told = if short.is_empty() { short } else { format!("{short} ") };
+        let outcome = format!("{mark} {word}");
+        let room = cells.saturating_sub(2 + 9 + text::width(&told) + text::width(&outcome) + 1);
+        return vec![
+            Span::raw(text::fit(&time, 9)),
+            Span::styled(told, style::badge(model.look)),
+            Span::styled(format!("{outcome} "), mark_style),
+            Span::styled(text::cut(&text::shown(&run.serial_number), room), number_style),
+        ];
+    }
     // On a narrow screen each caveat keeps its place in a few letters.
     let fits = text::width(&whole) <= cells.saturating_sub(BEFORE_CAVEATS);
     let told = if fits { whole } else { caveats().map(|(.., short)| *short).collect::<Vec<_>>().join(" ") };

@@ -67,12 +67,18 @@ pub(super) fn of_run(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let Some(run) = &model.run else { return };
     let ticks = (!model.is_running()).then_some(model.ticks.as_slice());
     let list = List { model, state: &run.state, progress: &run.progress, ticks, cursor: model.cursor };
-    list.draw(frame, area);
+    list.draw(frame, area, focus(model));
 }
 
 /// The items of a run of the records.
 pub(super) fn of_record(model: &ScreenModel, state: &RunState, cursor: usize, frame: &mut Frame<'_>, area: Rect) {
-    List { model, state, progress: &[], ticks: None, cursor }.draw(frame, area);
+    List { model, state, progress: &[], ticks: None, cursor }.draw(frame, area, cursor);
+}
+
+/// The line that stays in sight: the item that has begun last, until the operator moves the cursor.
+fn focus(model: &ScreenModel) -> usize {
+    let Some(run) = model.run.as_ref().filter(|run| !run.over && !model.cursor_moved) else { return model.cursor };
+    run.progress.last().and_then(|progress| run.state.position(&progress.item)).unwrap_or(model.cursor)
 }
 
 struct List<'a> {
@@ -85,31 +91,32 @@ struct List<'a> {
 }
 
 impl List<'_> {
-    fn draw(&self, frame: &mut Frame<'_>, area: Rect) {
+    /// `focus` is the line that stays in sight.
+    fn draw(&self, frame: &mut Frame<'_>, area: Rect, focus: usize) {
         let cells = usize::from(area.width);
         let columns = Columns::new(self.model, cells);
         let order = order(self.state);
         let over = self.state.verdict().is_some();
         let (mut shown, room) = head(self.model, &columns, order.len(), area);
-        // Lines above the cursor, with those under bad items.
+        // Lines above that line, with those under bad items.
         let mut lines = Vec::new();
-        let mut cursor_line = 0;
+        let mut focus_line = 0;
         // Without explanations each line is an item, and only the lines in sight are made.
-        let start = if over { 0 } else { first_shown(self.cursor, order.len(), room) };
+        let start = if over { 0 } else { first_shown(focus, order.len(), room) };
         for (at, position) in order.iter().enumerate().skip(start) {
-            if lines.len() > room && at > self.cursor {
+            if lines.len() > room && at > focus {
                 break;
             }
             let row = &self.state.rows()[*position];
-            if at == self.cursor {
-                cursor_line = lines.len();
+            if at == focus {
+                focus_line = lines.len();
             }
             lines.push(self.line(&columns, at == self.cursor, *position, row, cells));
             if over && at < EXPLAINED && is_bad(row.outcome) {
                 lines.extend(explained(self.model, row, cells));
             }
         }
-        let first = first_shown(cursor_line, lines.len(), room);
+        let first = first_shown(focus_line, lines.len(), room);
         shown.extend(lines.into_iter().skip(first).take(room));
         text::lines(frame, shown, area);
     }
@@ -202,7 +209,8 @@ fn work(progress: &Progress, cells: usize) -> String {
 
 /// Which capture of how many an item is at, and the time that remains for it.
 fn guided(texts: &Texts, guidance: &Guidance) -> String {
-    let Some(planned) = guidance.present() else { return texts.stage(guidance) };
+    let present = guidance.present().filter(|_| !guidance.waits_to_go_on());
+    let Some(planned) = present else { return texts.stage(guidance) };
     let which = format!(
         "{}/{} {}",
         guidance.finished + 1,
@@ -250,7 +258,8 @@ fn explained(model: &ScreenModel, row: &Row, cells: usize) -> Vec<Line<'static>>
     }
     if let Some(error) = &attempt.error {
         lines.extend(labelled((texts.level)(NoteLevel::Error), &text::shown(&model.said(&error.text)), cells));
-        if !error.hint.is_empty() {
+        // "The item runs again" is of the run that was on.
+        if !error.hint.is_empty() && !error.again {
             lines.extend(labelled(texts.try_this, &text::shown(&model.said(&error.hint)), cells));
         }
     }
