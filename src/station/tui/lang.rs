@@ -223,6 +223,8 @@ pub(crate) struct Texts {
     pub leave_stop_first: &'static str,
     pub prompt_title: &'static str,
     pub asked_since: &'static str,
+    pub asked_log: &'static str,
+    pub answered_log: &'static str,
     pub question_waits: &'static str,
     pub done: &'static str,
     pub not_possible: &'static str,

@@ -498,6 +498,9 @@ impl Scan {
     }
 }
 
+/// How the limit of a question begins in errors and in the log.
+const LIMIT_OF_QUESTION: &str = "Limit: ";
+
 impl ScreenModel {
     /// What another part of the station says, in the language of the screen; also the plan's own words, as far as the plan has
     /// them in that language.
@@ -507,11 +510,19 @@ impl ScreenModel {
         for question in words {
             let own = match self.lang {
                 Lang::En => None,
-                Lang::Zh => question.zh.as_deref(),
-                Lang::Ru => question.ru.as_deref(),
+                Lang::Zh => Some(question.zh.as_ref().unwrap_or(&question.en)),
+                Lang::Ru => Some(question.ru.as_ref().unwrap_or(&question.en)),
             };
             if let Some(own) = own.filter(|_| !question.en.is_empty() && said.contains(&question.en)) {
-                said = said.replace(&question.en, own).into();
+                // The table knows no sentences behind words that it does not know, so these are looked up by themselves.
+                let (before, after) = said.split_once(&question.en).unwrap_or_default();
+                // "A number in V. Limit: 4.9 V": the unit would take in the limit.
+                let after = after.trim_start();
+                let limit = after.find(LIMIT_OF_QUESTION).unwrap_or(0);
+                let pieces = [&after[..limit], &after[limit..]].map(|piece| in_language(piece.trim(), self.lang));
+                let after = pieces.join(" ").trim().to_owned();
+                let between = if after.is_empty() { "" } else { " " };
+                said = format!("{before}{own}{between}{after}").into();
             }
         }
         said

@@ -167,6 +167,8 @@ pub(super) static TEXTS: Texts = Texts {
     leave_stop_first: "leaving after the run has stopped",
     prompt_title: "Please",
     asked_since: "asked {} ago",
+    asked_log: "asked",
+    answered_log: "answered",
     question_waits: "{} asks something: answer this question first.",
     done: "Done",
     not_possible: "Not possible",

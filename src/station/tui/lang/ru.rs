@@ -168,6 +168,8 @@ pub(super) static TEXTS: Texts = Texts {
     leave_stop_first: "выход после остановки прогона",
     prompt_title: "Просьба",
     asked_since: "ожидание {}",
+    asked_log: "вопрос",
+    answered_log: "ответ",
     question_waits: "{} задаёт вопрос: сначала ответьте на этот.",
     done: "Сделано",
     not_possible: "Нельзя",

@@ -168,6 +168,8 @@ pub(super) static TEXTS: Texts = Texts {
     leave_stop_first: "运行停止后退出",
     prompt_title: "请操作",
     asked_since: "已等待 {}",
+    asked_log: "提问",
+    answered_log: "回答",
     question_waits: "{} 有提问：请先回答本问题。",
     done: "完成",
     not_possible: "做不到",

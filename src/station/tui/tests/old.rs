@@ -209,5 +209,17 @@ fn the_words_of_a_question_are_in_the_language_of_the_screen() {
         plan.asks = std::sync::Arc::new(PlanAsks { words, ..PlanAsks::default() });
         let said = scene.model.said("the operator could not do this: How does the housing look?").into_owned();
         assert!(said.ends_with(wanted), "{lang:?}: {said}");
+        // The log has the question as it is asked at a terminal. Neither Enter nor n answers it on the screen.
+        scene.start("DEMO-1");
+        let text = "How does the housing look? A number in V. Limit: 4.9 .. 5.1 V. Press Enter when it is typed. (n: not possible)";
+        let (item, question) = (Some("by-hand".to_owned()), Some("look".to_owned()));
+        scene.event(EventKind::Prompted { item, text: text.into(), question });
+        scene.key(Key::Ctrl('l'));
+        let log = scene.text();
+        let line = log.lines().find(|line| line.contains("by-hand: ")).unwrap_or_default();
+        let (asked, question) = (lang.texts().asked_log, wanted.rsplit(['：', ':']).next().unwrap_or_default().trim());
+        assert!(line.contains(&format!("by-hand: {asked}: {question}")), "{lang:?}: {log}");
+        assert!(!log.contains("Enter") && !log.contains("not possible"), "{lang:?}: {log}");
+        assert_eq!(log.contains("Limit:"), lang == Lang::En, "{lang:?}: {log}");
     }
 }

@@ -1,5 +1,6 @@
 //! The log of a run: its events in the order in which they happened.
 
+use gnc_bench::fixture::Ask;
 use gnc_executive::event::{BoardBreach, NoteLevel};
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
@@ -60,6 +61,10 @@ fn lines(model: &ScreenModel, state: Option<&RunState>, cells: usize) -> Vec<Lin
     shown.collect()
 }
 
+/// How notes of questions and answers begin in the state of a run.
+const ASKED: &str = "asked: ";
+const ANSWERED: &str = "answered: ";
+
 fn entries(model: &ScreenModel, state: &RunState) -> Vec<Entry> {
     let texts = model.texts;
     let plain = |elapsed_us, text: String| Entry { elapsed_us, style: Style::new(), text: text::shown(&text) };
@@ -98,8 +103,12 @@ fn entries(model: &ScreenModel, state: &RunState) -> Vec<Entry> {
             NoteLevel::Info => String::new(),
             level => format!("{}: ", (texts.level)(level)),
         };
-        entries
-            .push(Entry { style, ..plain(note.stamp.elapsed_us, format!("{level}{item}{}", model.said(&note.text))) });
+        let text = match (note.text.strip_prefix(ASKED), note.text.strip_prefix(ANSWERED)) {
+            (Some(asked), _) => format!("{}: {}", texts.asked_log, model.said(Ask::without_key(asked))),
+            (None, Some(answer)) => format!("{}: {answer}", texts.answered_log),
+            (None, None) => model.said(&note.text).into_owned(),
+        };
+        entries.push(Entry { style, ..plain(note.stamp.elapsed_us, format!("{level}{item}{text}")) });
     }
     for seen in state.breaches() {
         let weight = if seen.breach.safety { MessageWeight::Error } else { MessageWeight::Warning };
