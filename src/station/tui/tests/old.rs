@@ -213,7 +213,7 @@ fn the_words_of_a_question_are_in_the_language_of_the_screen() {
         scene.start("DEMO-1");
         let text = "How does the housing look? A number in V. Limit: 4.9 .. 5.1 V. Press Enter when it is typed. (n: not possible)";
         let (item, question) = (Some("by-hand".to_owned()), Some("look".to_owned()));
-        scene.event(EventKind::Prompted { item, text: text.into(), question });
+        scene.event(EventKind::Prompted { item, text: text.into(), question, picture_sha256: None });
         scene.key(Key::Ctrl('l'));
         let log = scene.text();
         let line = log.lines().find(|line| line.contains("by-hand: ")).unwrap_or_default();
