@@ -218,7 +218,7 @@ pub(crate) async fn all_rounds(
     let serial_number = printable(&request.serial_number);
     match setup::standing(&records, &request.serial_number, &request.plan, bench) {
         Ok(standing) => {
-            speaker.say_as_it_is(&format!("{serial_number}: {}", in_language(&standing.to_string(), speaker.lang())))
+            speaker.say_as_it_is(&format!("{serial_number}: {}", in_language(&standing.to_string(), speaker.lang())));
         }
         Err(error) => complain(
             format_args!("the standing of {serial_number} is not known: {}", with_causes(&error)),
