@@ -459,6 +459,8 @@ pub(crate) struct ScreenModel {
     pub cursor_moved: bool,
     /// The words about the last item that was aborted in the run.
     pub aborting: Option<String>,
+    /// When the question whether to end an item went, since its attempt had ended; since the start of the program.
+    pub give_up_gone: Option<Duration>,
     pub run: Option<RunView>,
     pub live: super::live::History,
     /// The module that the live values are of.
@@ -558,6 +560,7 @@ impl ScreenModel {
             cursor: 0,
             cursor_moved: false,
             aborting: None,
+            give_up_gone: None,
             run: None,
             live: super::live::History::default(),
             live_of: None,

@@ -1,5 +1,7 @@
 //! What keys do in each place.
 
+use std::time::Duration;
+
 use gnc_bench::fixture::Reply;
 
 use super::start::{self, ask_to_start};
@@ -17,6 +19,8 @@ use crate::tui::setup_form::{Form, FormLine, FormNumber, MAX_ROUNDS};
 
 /// Lines that a page key moves.
 const PAGE_LINES: isize = 10;
+/// A key this soon after its question has gone is still the answer to it: nobody reads what comes instead so fast.
+const FINGER_FALLS: Duration = Duration::from_millis(1500);
 
 pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
     let place = model.place();
@@ -272,6 +276,11 @@ fn pause(model: &mut ScreenModel) -> Option<Effect> {
 }
 
 fn abort_item(model: &mut ScreenModel) -> Option<Effect> {
+    let gone = model.give_up_gone.take();
+    if gone.is_some_and(|gone| model.now.since_start.saturating_sub(gone) < FINGER_FALLS) {
+        model.say(MessageWeight::Warning, model.texts.not_running_item);
+        return None;
+    }
     let item = model.item_under_cursor()?.to_owned();
     let lost_s = model.lost_with_s(&item);
     if lost_s > ASK_FROM_S && is_running(model, &item) {
