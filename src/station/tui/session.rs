@@ -3,6 +3,7 @@
 
 mod archive;
 mod files;
+pub(in crate::tui) mod jpeg;
 pub(in crate::tui) mod pictures;
 mod prepare;
 mod rounds;

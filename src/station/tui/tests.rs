@@ -4,6 +4,7 @@ mod captures;
 mod numbers;
 mod old;
 mod parts;
+mod photographs;
 mod pictures;
 mod prompts;
 mod properties;

@@ -14,6 +14,7 @@ use ratatui_image::protocol::iterm2::Iterm2;
 use ratatui_image::protocol::kitty::Kitty;
 use ratatui_image::protocol::sixel::Sixel;
 
+use super::jpeg;
 use crate::files::{self, PictureFileError};
 use crate::tui::graphics::Graphics;
 use crate::tui::pictures::{DrawnPicture, PictureTrouble, PictureWanted};
@@ -21,7 +22,9 @@ use crate::tui::terminal::PICTURE_THREAD;
 
 /// Most pixels of a picture: more than cameras at a bench have.
 pub(in crate::tui) const MAX_MEGAPIXELS: u64 = 40;
-/// Most memory that a decoder takes: that many pixels of 16 bits in four channels.
+/// Most memory that a decoder takes: that many pixels of 16 bits in four channels, 320 MB. A JPEG file has three channels of
+/// 8 bits, 120 MB; if its scans are not those of a plain photograph, its coefficients take at most 320 MB more meanwhile.
+/// What comes afterwards has the size of the place.
 const MAX_DECODER_BYTES: u64 = 8 * MAX_MEGAPIXELS * 1_000_000;
 /// The name of the picture within a terminal of the kind of kitty. One picture at a time: the next one takes its place.
 const KITTY_ID: u32 = 0x676e_6301;
@@ -34,7 +37,11 @@ const PAPER: u8 = 255;
 pub(in crate::tui) fn make(wanted: &PictureWanted) -> Result<DrawnPicture, PictureTrouble> {
     let work = {
         let wanted = wanted.clone();
-        move || read(&wanted).and_then(|bytes| decode(&bytes)).and_then(|image| encode(image, &wanted))
+        move || {
+            let most = most_pixels(&wanted).ok_or(PictureTrouble::Broken)?;
+            let image = decode(&read(&wanted)?, most)?;
+            encode(image, &wanted)
+        }
     };
     let thread = std::thread::Builder::new().name(PICTURE_THREAD.to_owned()).spawn(work);
     let thread = thread.map_err(|error| PictureTrouble::Unreadable(error.to_string()))?;
@@ -52,13 +59,21 @@ fn read(wanted: &PictureWanted) -> Result<Vec<u8>, PictureTrouble> {
     if is_it { Ok(bytes) } else { Err(PictureTrouble::Changed) }
 }
 
-pub(in crate::tui) fn decode(bytes: &[u8]) -> Result<DynamicImage, PictureTrouble> {
+/// Most pixels that fit the place of a picture, in width and height; `None` if it has no room at all.
+fn most_pixels(PictureWanted { room, cell, .. }: &PictureWanted) -> Option<(u32, u32)> {
+    let most = (u32::from(room.width) * u32::from(cell.width), u32::from(room.height) * u32::from(cell.height));
+    (most.0 > 0 && most.1 > 0).then_some(most)
+}
+
+/// Decodes a picture, no larger than `most`, and turns it upright.
+pub(in crate::tui) fn decode(bytes: &[u8], most: (u32, u32)) -> Result<RgbaImage, PictureTrouble> {
     let format = image::guess_format(bytes).ok();
     let format = format.filter(|format| matches!(format, ImageFormat::Png | ImageFormat::Jpeg));
     let format = format.ok_or(PictureTrouble::OtherFormat)?;
-    if format == ImageFormat::Jpeg && is_cut_off(bytes) {
-        return Err(PictureTrouble::Broken);
-    }
+    let bytes = match format {
+        ImageFormat::Jpeg => jpeg::image(bytes).ok_or(PictureTrouble::Broken)?,
+        _ => bytes,
+    };
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(MAX_DECODER_BYTES);
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -70,9 +85,22 @@ pub(in crate::tui) fn decode(bytes: &[u8]) -> Result<DynamicImage, PictureTroubl
     }
     // A camera that was held upright says so beside the pixels.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let mut image = DynamicImage::from_decoder(decoder).map_err(|error| trouble(&error))?;
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| trouble(&error))?;
+    if image.width() == 0 || image.height() == 0 {
+        return Err(PictureTrouble::Broken);
+    }
+    // Smaller first: to turn a picture takes its memory a second time.
+    let most = if lies_on_its_side(orientation) { (most.1, most.0) } else { most };
+    let is_larger = image.width() > most.0 || image.height() > most.1;
+    let pixels = if is_larger { image.thumbnail(most.0, most.1).into_rgba8() } else { image.into_rgba8() };
+    let mut image = DynamicImage::ImageRgba8(pixels);
     image.apply_orientation(orientation);
-    Ok(image)
+    Ok(image.into_rgba8())
+}
+
+fn lies_on_its_side(orientation: Orientation) -> bool {
+    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    matches!(orientation, Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)
 }
 
 fn trouble(error: &image::ImageError) -> PictureTrouble {
@@ -82,21 +110,9 @@ fn trouble(error: &image::ImageError) -> PictureTrouble {
     }
 }
 
-/// Whether the end of a JPEG file is missing: its last scan has no end. The decoder would draw the missing part grey.
-fn is_cut_off(bytes: &[u8]) -> bool {
-    let last = |marker: u8| bytes.windows(2).rposition(|pair| pair == [0xff, marker]);
-    last(0xd9) < last(0xda)
-}
-
-fn encode(image: DynamicImage, wanted: &PictureWanted) -> Result<DrawnPicture, PictureTrouble> {
-    let PictureWanted { room, cell, graphics, .. } = wanted;
+fn encode(mut pixels: RgbaImage, wanted: &PictureWanted) -> Result<DrawnPicture, PictureTrouble> {
+    let PictureWanted { cell, graphics, .. } = wanted;
     let (width, height) = (u32::from(cell.width), u32::from(cell.height));
-    let most = (u32::from(room.width) * width, u32::from(room.height) * height);
-    if most.0 == 0 || most.1 == 0 || image.width() == 0 || image.height() == 0 {
-        return Err(PictureTrouble::Broken);
-    }
-    let is_larger = image.width() > most.0 || image.height() > most.1;
-    let mut pixels = if is_larger { image.thumbnail(most.0, most.1).into_rgba8() } else { image.into_rgba8() };
     lay_on_paper(&mut pixels);
     let cells = |pixels: u32, cell: u32| u16::try_from(pixels.div_ceil(cell)).unwrap_or(u16::MAX);
     let size = Size::new(cells(pixels.width(), width).max(MIN_COLUMNS), cells(pixels.height(), height));

@@ -1,7 +1,9 @@
 //! The questions between the key and the run.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
+use gnc_executive::event::EventKind;
 use gnc_executive::outcome::Outcome;
 
 use super::scene;
@@ -11,7 +13,7 @@ use crate::tui::lang::Lang;
 use crate::tui::model::{Loaded, ProgramView, RoundsSetting};
 use crate::tui::pending::{Interrupted, Prepared, Resumable};
 use crate::tui::records::{Checked, RunMark, Runs, Unopened};
-use crate::tui::scene::Scene;
+use crate::tui::scene::{Scene, measured};
 use crate::tui::update::{Effect, Msg, StartRequest};
 
 const RUN: &str = "records/2026-11-21/DEMO-1/221500-calibration";
@@ -284,10 +286,30 @@ fn the_end_of_an_item_that_loses_captures_is_asked_about() {
     assert_eq!((scene.key(Key::Esc), scene.model.over.len()), (None, 0), "it goes on");
     scene.key(Key::F(7));
     assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (give_up, 0));
-    // It ended by itself meanwhile.
+    // The attempt ended by itself meanwhile, and the question with it. A key that was on its way is for no other attempt.
+    let item = || "bias-stability".to_owned();
     let (mut scene, _) = ask(601.0);
-    scene.ends("bias-stability", Outcome::Passed);
+    let ended = |attempt| EventKind::AttemptEnded { item: item(), attempt, outcome: Outcome::Failed, error: None };
+    scene.event(EventKind::Measured { item: item(), attempt: 1, measurement: measured("other", 1.0, Outcome::Passed) });
+    assert_eq!(scene.model.over.len(), 1, "it runs");
+    scene.event(ended(1));
+    assert_eq!(scene.model.over.len(), 0);
+    scene.event(EventKind::ItemStarted { item: item(), attempt: 2 });
+    assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (None, 0), "the key of the question that has gone");
+    assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (None, 1), "that of this attempt");
+    scene.event(ended(2));
+    scene.event(EventKind::ItemStarted { item: item(), attempt: 3 });
+    scene.pass_time(Duration::from_secs(2));
+    assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (None, 1), "the question is read again");
+    // So did the item, and its round.
+    scene.event(ended(3));
+    scene.event(EventKind::ItemEnded { item: item(), outcome: Outcome::Failed, cause: None });
     assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (None, 0));
+    assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (None, 0), "it does not run");
+    // Events were lost, so that nobody knows which attempt runs.
+    let (mut scene, _) = ask(601.0);
+    scene.event(ended(7));
+    assert_eq!(scene.model.over.len(), 0, "{}", scene.text());
     // A stop is a stop in this question, too.
     let (mut scene, _) = ask(601.0);
     scene.key(Key::F(8));

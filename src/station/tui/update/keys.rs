@@ -1,22 +1,23 @@
 //! What keys do in each place.
 
+use std::time::Duration;
+
 use gnc_bench::fixture::Reply;
 
-use super::start::{self, ask_to_start};
-use super::{Effect, numbers, question, scan, set_language, unknown_item, words};
+use super::start::{self, What};
+use super::{Effect, numbers, question, scan, set_language, words};
 use crate::tui::decode::Key;
 use crate::tui::keymap::{self, KeyAction, KeyContext};
 use crate::tui::live::History;
-use crate::tui::model::{
-    ASK_FROM_S, Loaded, MessageWeight, Over, Pause, RoundsSetting, RunView, ScreenModel, ScreenPage, order,
-};
+use crate::tui::model::{ASK_FROM_S, Loaded, MessageWeight, Over, Pause, ScreenModel, ScreenPage, order};
 use crate::tui::numbers::Owner;
-use crate::tui::pending::PendingStart;
 use crate::tui::records::Check;
-use crate::tui::setup_form::{Form, FormLine, FormNumber, MAX_ROUNDS};
+use crate::tui::setup_form::{Form, FormNumber, MAX_ROUNDS};
 
 /// Lines that a page key moves.
 const PAGE_LINES: isize = 10;
+/// A key this soon after its question has gone is still the answer to it: nobody reads what comes instead so fast.
+const FINGER_FALLS: Duration = Duration::from_millis(1500);
 
 pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
     let place = model.place();
@@ -107,9 +108,9 @@ fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<
             model.over.push(Over::Setup(form));
             return Some(Effect::ListChoices);
         }
-        KeyAction::Start => return begin(model, What::Ticked),
-        KeyAction::One => return begin(model, What::One),
-        KeyAction::Repeat => return begin(model, What::Failed),
+        KeyAction::Start => return start::begin(model, What::Ticked),
+        KeyAction::One => return start::begin(model, What::One),
+        KeyAction::Repeat => return start::begin(model, What::Failed),
         KeyAction::Watch => return watch(model),
         KeyAction::Pause => return pause(model),
         KeyAction::AbortItem => return abort_item(model),
@@ -170,87 +171,6 @@ fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<
     None
 }
 
-/// What a run is to do.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum What {
-    Ticked,
-    One,
-    Failed,
-}
-
-fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
-    if model.watching {
-        model.say(MessageWeight::Warning, model.texts.not_during_run);
-        return None;
-    }
-    // F3 and F4 stay with the module on the screen. Only F5 goes on to the next one.
-    let goes_on = what == What::Ticked || model.scan.current.is_none();
-    // Some scanners send no line end. Then the number is complete when the operator starts.
-    if goes_on && !model.scan.typed.is_empty() && scan::finish_typed(model).is_err() {
-        return None;
-    }
-    if let Some(next) = model.scan.next.take_if(|_| goes_on) {
-        scan::take_number(model, next);
-    }
-    let lacking = match (&model.bench, &model.plan) {
-        (Loaded::Loading, _) | (_, Loaded::Loading) => Some(model.texts.still_loading),
-        (Loaded::Ready(_), Loaded::Ready(_)) => None,
-        (Loaded::Ready(_), _) if model.plan_path.is_empty() => Some(model.texts.no_plan),
-        // The operator may have corrected the file that was refused.
-        _ => return start::load_new(model),
-    };
-    if let Some(lacking) = lacking {
-        model.say(MessageWeight::Error, lacking);
-        return None;
-    }
-    if model.operator.trim().is_empty() && model.bench.ready().is_some_and(|bench| bench.operator_required) {
-        model.say(MessageWeight::Warning, model.texts.operator_needed);
-        model.over.push(Over::Setup(Form::at(model, FormLine::Operator)));
-        return Some(Effect::ListChoices);
-    }
-    if let Some((line, told)) = numbers::lacking(model) {
-        model.say(MessageWeight::Warning, told);
-        model.over.push(Over::Setup(Form::at(model, FormLine::Number(line))));
-        return Some(Effect::ListChoices);
-    }
-    let selection = match what {
-        What::Ticked => ticked(model),
-        What::One => model.item_under_cursor().map(|item| vec![item.to_owned()]),
-        What::Failed => failed(model),
-    };
-    // Items that the command line names are a selection, even if they are all.
-    let everything = what == What::Ticked && model.only.is_none() && model.ticks.iter().all(|tick| *tick);
-    if selection.is_none() && !everything {
-        return None;
-    }
-    let selection = selection.filter(|_| !everything);
-    // One item may run in a loop, to watch it; failed items run only once more.
-    let rounds = if what == What::Failed { RoundsSetting::Once } else { model.rounds };
-    ask_to_start(model, PendingStart::new(selection, rounds))
-}
-
-fn ticked(model: &mut ScreenModel) -> Option<Vec<String>> {
-    let items = &model.plan.ready()?.items;
-    let names = items.iter().zip(&model.ticks).filter(|(_, tick)| **tick).map(|(item, _)| item.name.clone());
-    let names: Vec<String> = names.collect();
-    if names.is_empty() {
-        let unknown = unknown_item(model).unwrap_or_else(|| model.texts.nothing_ticked.to_owned());
-        model.say(MessageWeight::Warning, unknown);
-        return None;
-    }
-    Some(names)
-}
-
-fn failed(model: &mut ScreenModel) -> Option<Vec<String>> {
-    let last = model.run.as_ref().filter(|run| model.scan.current.as_deref() == Some(run.serial_number.as_str()));
-    let names = last.map(RunView::to_repeat).unwrap_or_default();
-    if names.is_empty() {
-        model.say(MessageWeight::Info, model.texts.nothing_failed);
-        return None;
-    }
-    Some(names)
-}
-
 fn watch(model: &mut ScreenModel) -> Option<Effect> {
     if !matches!(model.bench, Loaded::Ready(_)) {
         model.say(MessageWeight::Error, model.texts.no_bench);
@@ -272,6 +192,11 @@ fn pause(model: &mut ScreenModel) -> Option<Effect> {
 }
 
 fn abort_item(model: &mut ScreenModel) -> Option<Effect> {
+    let gone = model.give_up_gone.take();
+    if gone.is_some_and(|gone| model.now.since_start.saturating_sub(gone) < FINGER_FALLS) {
+        model.say(MessageWeight::Warning, model.texts.not_running_item);
+        return None;
+    }
     let item = model.item_under_cursor()?.to_owned();
     let lost_s = model.lost_with_s(&item);
     if lost_s > ASK_FROM_S && is_running(model, &item) {

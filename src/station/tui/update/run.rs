@@ -38,8 +38,15 @@ pub(super) fn event(model: &mut ScreenModel, event: &Event) -> Option<Effect> {
     if run.state.apply(event).is_err() {
         // The terminal was so far behind that events were lost. The record has them all.
         run.events_lost = true;
+        // Nobody knows which attempt runs.
+        model.over.retain(|over| !matches!(over, Over::GiveUp { .. }));
         model.mention(model.texts.events_lost);
         return None;
+    }
+    // The question is about one attempt: the next one has lost other captures, or none.
+    let ended = |over: &mut Over| matches!(over, Over::GiveUp { item, .. } if run.state.row(item).is_none_or(|row| row.running().is_none()));
+    if model.over.extract_if(.., ended).count() > 0 {
+        model.give_up_gone = Some(now.since_start);
     }
     if matches!(event.kind, EventKind::Power(_)) {
         model.power_seen = PowerSeen::ByRun;

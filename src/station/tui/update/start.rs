@@ -1,13 +1,96 @@
 //! From a key to a run: the checks and the questions before the run begins.
 
-use super::{Effect, StartRequest, scan};
+use super::{Effect, StartRequest, numbers, scan, unknown_item};
 use crate::tui::keymap::KeyAction;
 use crate::tui::live::History;
 use crate::tui::model::{Loaded, MessageWeight, Over, RoundsSetting, RunView, ScreenModel};
 use crate::tui::pending::{Interrupted, PendingStart, Prepared, Resumable};
+use crate::tui::setup_form::{Form, FormLine};
 
-/// Asks for a run. The session checks files and records first.
-pub(super) fn ask_to_start(model: &mut ScreenModel, pending: PendingStart) -> Option<Effect> {
+/// What a run is to do.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum What {
+    Ticked,
+    One,
+    Failed,
+}
+
+/// Asks for a run, if all that it needs is given.
+pub(super) fn begin(model: &mut ScreenModel, what: What) -> Option<Effect> {
+    if model.watching {
+        model.say(MessageWeight::Warning, model.texts.not_during_run);
+        return None;
+    }
+    // F3 and F4 stay with the module on the screen. Only F5 goes on to the next one.
+    let goes_on = what == What::Ticked || model.scan.current.is_none();
+    // Some scanners send no line end. Then the number is complete when the operator starts.
+    if goes_on && !model.scan.typed.is_empty() && scan::finish_typed(model).is_err() {
+        return None;
+    }
+    if let Some(next) = model.scan.next.take_if(|_| goes_on) {
+        scan::take_number(model, next);
+    }
+    let lacking = match (&model.bench, &model.plan) {
+        (Loaded::Loading, _) | (_, Loaded::Loading) => Some(model.texts.still_loading),
+        (Loaded::Ready(_), Loaded::Ready(_)) => None,
+        (Loaded::Ready(_), _) if model.plan_path.is_empty() => Some(model.texts.no_plan),
+        // The operator may have corrected the file that was refused.
+        _ => return load_new(model),
+    };
+    if let Some(lacking) = lacking {
+        model.say(MessageWeight::Error, lacking);
+        return None;
+    }
+    if model.operator.trim().is_empty() && model.bench.ready().is_some_and(|bench| bench.operator_required) {
+        model.say(MessageWeight::Warning, model.texts.operator_needed);
+        model.over.push(Over::Setup(Form::at(model, FormLine::Operator)));
+        return Some(Effect::ListChoices);
+    }
+    if let Some((line, told)) = numbers::lacking(model) {
+        model.say(MessageWeight::Warning, told);
+        model.over.push(Over::Setup(Form::at(model, FormLine::Number(line))));
+        return Some(Effect::ListChoices);
+    }
+    let selection = match what {
+        What::Ticked => ticked(model),
+        What::One => model.item_under_cursor().map(|item| vec![item.to_owned()]),
+        What::Failed => failed(model),
+    };
+    // Items that the command line names are a selection, even if they are all.
+    let everything = what == What::Ticked && model.only.is_none() && model.ticks.iter().all(|tick| *tick);
+    if selection.is_none() && !everything {
+        return None;
+    }
+    let selection = selection.filter(|_| !everything);
+    // One item may run in a loop, to watch it; failed items run only once more.
+    let rounds = if what == What::Failed { RoundsSetting::Once } else { model.rounds };
+    ask_to_start(model, PendingStart::new(selection, rounds))
+}
+
+fn ticked(model: &mut ScreenModel) -> Option<Vec<String>> {
+    let items = &model.plan.ready()?.items;
+    let names = items.iter().zip(&model.ticks).filter(|(_, tick)| **tick).map(|(item, _)| item.name.clone());
+    let names: Vec<String> = names.collect();
+    if names.is_empty() {
+        let unknown = unknown_item(model).unwrap_or_else(|| model.texts.nothing_ticked.to_owned());
+        model.say(MessageWeight::Warning, unknown);
+        return None;
+    }
+    Some(names)
+}
+
+fn failed(model: &mut ScreenModel) -> Option<Vec<String>> {
+    let last = model.run.as_ref().filter(|run| model.scan.current.as_deref() == Some(run.serial_number.as_str()));
+    let names = last.map(RunView::to_repeat).unwrap_or_default();
+    if names.is_empty() {
+        model.say(MessageWeight::Info, model.texts.nothing_failed);
+        return None;
+    }
+    Some(names)
+}
+
+/// The session checks files and records first.
+fn ask_to_start(model: &mut ScreenModel, pending: PendingStart) -> Option<Effect> {
     let Some(serial_number) = model.scan.current.clone() else {
         model.say(MessageWeight::Warning, model.texts.scan_first);
         return None;
