@@ -382,7 +382,8 @@ fn a_module_that_is_exchanged_in_mid_run_is_filed_against_neither() {
     assert_eq!(runs.len(), 1, "{runs:?}");
     assert_eq!(runs[0].parent().and_then(std::path::Path::file_name), Some("_unassigned".as_ref()));
     let record = gnc_tests::read_json(&runs[0].join("run.json"));
-    assert_eq!(record["other_module"], serde_json::json!({ "scanned": "SN-1", "found": "SIM-OTHER" }));
+    let exchanged = serde_json::json!({ "scanned": "SN-1", "found": "SIM-OTHER", "exchanged": true });
+    assert_eq!(record["other_module"], exchanged);
     let ends: Vec<&serde_json::Value> =
         record["items"].as_array().expect("items").iter().map(|item| &item["outcome"]).collect();
     assert_eq!(ends, ["errored", "not_run"]);

@@ -31,9 +31,9 @@ impl PartName {
             && revision.is_none_or(|revision| revision == revision_key(self.revision.as_deref().unwrap_or_default()))
     }
 
-    /// Whether there is no part number, only blanks in its place.
+    /// Whether there is no part number, only blanks or a dash in its place.
     pub fn is_blank(&self) -> bool {
-        key(&self.number).is_empty()
+        matches!(key(&self.number).as_str(), "" | "-")
     }
 
     /// Whether a module that says this of itself says that it is another part than was asked for. Without a part number it

@@ -5,9 +5,12 @@
 //! that counts is found from the chains of the days that can count. Folders are looked at only for what to call a module
 //! for which nothing counts.
 
+mod apart;
+
 use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader, Read as _};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset, NaiveDate, NaiveDateTime, TimeDelta};
@@ -16,6 +19,8 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::{Flaw, PastRun, Question, RunFacts, Seal, Standing};
 use gnc_executive::verdict::Verdict;
 use serde::Deserialize;
+
+use apart::Apart;
 
 use crate::store::chain::DayLinks;
 use crate::store::digest::{self, FileDigests};
@@ -46,85 +51,68 @@ pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreEr
         return Ok(standing);
     }
     let mut seals = Seals::new(records);
-    let Closed { counted, later, missing, exchanged } = closed(records, question, &mut seals)?;
+    let Closed { counted, later, missing } = closed(records, question, &mut seals)?;
+    let plan = question.plan.name();
+    let mark = counted.as_ref().map(|(number, folder, _)| (*number, folder.as_path()));
+    let apart = apart::after(records, question, mark, &mut seals)?;
+    // No run before one of the plan that ended with another module in the socket counts: what became of the module in it is
+    // not known.
+    let voids = |run: &PastRun| run.speaks_against(plan);
     let missing: Vec<PastRun> = missing.iter().map(|folder| nameless(folder, question, Flaw::Missing)).collect();
     let gone = missing.first().cloned();
-    standing.beside = match (&counted, exchanged) {
-        (None, Some(folder)) => past(&folder, question, &mut seals)?.or(gone),
-        (None, None) => newest(records, question, &mut seals)?.or(gone),
-        (Some((folder, _)), _) => {
-            let speaks = |run: &PastRun| run.speaks_against(question.plan.name());
-            let found = doubt(records, question, folder, later, &mut seals)?;
-            let against = found.clone().filter(speaks).or_else(|| missing.into_iter().find(speaks));
-            against.or(found).or(gone)
-        }
-    };
-    standing.counts = counted.map(|(_, run)| run);
+    if counted.is_none() && !apart.iter().any(|apart| voids(&apart.run)) {
+        standing.beside = newest(records, question, &mut seals)?.or(gone);
+        return Ok(standing);
+    }
+    let after = in_order(records, question, mark, later, apart, &mut seals)?;
+    if let Some(at) = after.iter().position(|after| after.apart.as_ref().is_some_and(voids)) {
+        standing.beside = judged(&after[..at], question, &mut seals)?.or_else(|| after[at].apart.clone());
+        return Ok(standing);
+    }
+    let found = doubt(&after, question, &mut seals)?;
+    let against = found.clone().filter(voids).or_else(|| missing.into_iter().find(voids));
+    standing.beside = against.or(found).or(gone);
+    standing.counts = counted.map(|(_, _, run)| run);
     Ok(standing)
+}
+
+/// The days in whose folders runs that count may stand.
+fn days_of_passes(question: &Question<'_>) -> RangeInclusive<NaiveDate> {
+    let first = question.now - TimeDelta::days(i64::from(question.valid_days)) - DATE_SLACK;
+    first.date_naive()..=(question.now + DATE_SLACK).date_naive()
 }
 
 /// What the chain says of the runs of a module.
 #[derive(Default)]
 struct Closed {
-    /// The newest run that counts, with its folder.
-    counted: Option<(PathBuf, PastRun)>,
-    /// The runs that were closed after that one, the last one first.
-    later: Vec<PathBuf>,
+    /// The newest run that counts, with its number and folder.
+    counted: Option<(u64, PathBuf, PastRun)>,
+    /// The runs that were closed after that one, with their numbers.
+    later: Vec<(u64, PathBuf)>,
     /// The runs after that one whose folders are gone, the last one first.
     missing: Vec<PathBuf>,
-    /// A run of the plan that ended with another module in the socket. No run before it counts: what became of the module in
-    /// it is not known.
-    exchanged: Option<PathBuf>,
 }
 
 /// Looks from the newest closed run back to the first one that counts.
 fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Closed, StoreError> {
-    let last = (question.now + DATE_SLACK).date_naive();
-    let first = (question.now - TimeDelta::days(i64::from(question.valid_days)) - DATE_SLACK).date_naive();
+    let days = days_of_passes(question);
     let names = reader::folders_of(question.serial_number);
     let mut closed: Vec<(u64, bool, PathBuf)> = Vec::new();
     // A run of any day may have been closed last: the clock may have been wrong then.
     for day in reader::day_names(records)? {
         let date = NaiveDate::parse_from_str(&day, "%Y-%m-%d");
-        let in_time = date.is_ok_and(|date| (first..=last).contains(&date));
+        let in_time = date.is_ok_and(|date| days.contains(&date));
         for name in names.iter().filter(|name| records.join(&day).join(name).is_dir()) {
             let runs = seals.day(&day)?.of_module(name);
             closed.extend(runs.map(|(number, run)| (number, in_time, records.join(run))));
         }
-        for folder in reader::unassigned(records, &day) {
-            // One that is not in the chain yet is new.
-            let number = seals.number(&folder)?.unwrap_or(u64::MAX);
-            closed.push((number, false, folder));
-        }
     }
     closed.sort_by_key(|(number, ..)| std::cmp::Reverse(*number));
     let mut found = Closed::default();
-    for (_, in_time, folder) in closed.into_iter().take(MAX_COUNTED) {
+    for (number, in_time, folder) in closed.into_iter().take(MAX_COUNTED) {
         if !folder.exists() {
             if in_time {
                 found.missing.push(folder);
-            }
-            continue;
-        }
-        if reader::is_unassigned(&folder) {
-            let of_world = |facts: &RunFacts| question.bench == BenchKind::Simulated || facts.bench == BenchKind::Real;
-            let of_module = |facts: &RunFacts| facts.exchanged && facts.serial_number == question.serial_number;
-            match facts(&folder).filter(of_module).filter(of_world) {
-                Some(facts) if facts.plan.name == question.plan.name() => {
-                    found.exchanged = Some(folder);
-                    break;
-                }
-                Some(_) => found.later.push(folder),
-                // An altered record may name another module; the journal names the one that was scanned.
-                None => {
-                    let begun = begun(&folder).filter(of_world);
-                    let is_of = begun.is_some_and(|begun| begun.serial_number == question.serial_number);
-                    let seal = seals.seal(&folder)?;
-                    if is_of && seals.is_broken(&folder, seal)? {
-                        found.later.push(folder);
-                    }
-                    // Else it says nothing of this module, which was never in the socket.
-                }
             }
             continue;
         }
@@ -133,37 +121,74 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
             let flaws = facts.flaws(question);
             // Digests are compared only where everything else is right.
             if flaws.is_empty() && seals.seal(&folder)? == Seal::Chained {
-                found.counted = Some((folder, PastRun::new(&facts, flaws)));
+                found.counted = Some((number, folder, PastRun::new(&facts, flaws)));
                 break;
             }
         }
-        found.later.push(folder);
+        found.later.push((number, folder));
     }
     Ok(found)
 }
 
-/// The newest run after the one that counts that puts it in doubt: one of the same plan that speaks against it before others,
-/// so that no run of another plan hides it. The chain has the order of the runs that it names. Of the
-/// others only their folders tell, by the clock of that time.
-fn doubt(
+/// A run after the one that counts.
+struct After {
+    folder: PathBuf,
+    /// What it says of the module, if it stands apart. One that stands with the module is opened when it is asked for.
+    apart: Option<PastRun>,
+}
+
+impl After {
+    fn run(&self, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
+        self.apart.clone().map_or_else(|| past(&self.folder, question, seals), |run| Ok(Some(run)))
+    }
+}
+
+/// The runs after the one that counts, the last one first. The chain has the order of the runs that it names. Of the others
+/// only their folders tell, by the clock of that time.
+fn in_order(
     records: &Path,
     question: &Question<'_>,
-    counted: &Path,
-    closed_later: Vec<PathBuf>,
+    counted: Option<(u64, &Path)>,
+    later: Vec<(u64, PathBuf)>,
+    apart: Vec<Apart>,
     seals: &mut Seals<'_>,
-) -> Result<Option<PastRun>, StoreError> {
-    let mut later = closed_later;
-    let by_name = reader::newest_of_module(records, question.serial_number).take_while(|folder| folder != counted);
-    for folder in by_name {
+) -> Result<Vec<After>, StoreError> {
+    let own = |folder| After { folder, apart: None };
+    let mut closed: Vec<(u64, After)> = later.into_iter().map(|(number, folder)| (number, own(folder))).collect();
+    let mut others = Vec::new();
+    let counted = counted.map(|(_, folder)| folder);
+    for folder in reader::newest_of_module(records, question.serial_number) {
+        if counted == Some(folder.as_path()) {
+            break;
+        }
         if seals.number(&folder)?.is_none() {
-            // Before the first of those that are older by their folders too.
-            let place = later.iter().position(|closed| reader::when(closed) < reader::when(&folder));
-            later.insert(place.unwrap_or(later.len()), folder);
+            others.push(own(folder));
         }
     }
+    for Apart { number, folder, run } in apart {
+        let run = After { folder, apart: Some(run) };
+        match number {
+            Some(number) => closed.push((number, run)),
+            None => others.push(run),
+        }
+    }
+    closed.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
+    others.sort_by_cached_key(|after| std::cmp::Reverse(reader::when(&after.folder)));
+    let mut ordered: Vec<After> = closed.into_iter().map(|(_, after)| after).collect();
+    for after in others {
+        // Before the first of those that are older by their folders too.
+        let place = ordered.iter().position(|closed| reader::when(&closed.folder) < reader::when(&after.folder));
+        ordered.insert(place.unwrap_or(ordered.len()), after);
+    }
+    Ok(ordered)
+}
+
+/// The newest run after the one that counts that puts it in doubt: one of the same plan that speaks against it before others,
+/// so that no run of another plan hides it.
+fn doubt(after: &[After], question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
     let mut newest = None;
-    for folder in later {
-        if let Some(run) = past(&folder, question, seals)?.filter(|run| run.is_doubt(question.bench)) {
+    for after in after {
+        if let Some(run) = after.run(question, seals)?.filter(|run| run.is_doubt(question.bench)) {
             if run.speaks_against(question.plan.name()) {
                 return Ok(Some(run));
             }
@@ -171,6 +196,23 @@ fn doubt(
         }
     }
     Ok(newest)
+}
+
+/// The newest run of the plan that judged the module: the whole plan, or chosen items that failed. An operator must hear of it
+/// before an exchange that came earlier.
+fn judged(after: &[After], question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
+    let is_judgement = |run: &PastRun| {
+        let outcome = run.verdict.map(Verdict::of_items);
+        let is_of_world = question.bench == BenchKind::Simulated || !run.simulated;
+        let judges = outcome == Some(Outcome::Failed) || run.items.is_none() && outcome.is_some_and(Outcome::is_good);
+        run.plan == question.plan.name() && is_of_world && judges && !run.flaws.contains(&Flaw::Rejudged)
+    };
+    for after in after {
+        if let Some(run) = after.run(question, seals)?.filter(is_judgement) {
+            return Ok(Some(run));
+        }
+    }
+    Ok(None)
 }
 
 /// The newest run of the module by this plan; if there is none, the newest of all.
@@ -382,6 +424,17 @@ impl<'a> Seals<'a> {
             Seal::Flawed(Flaw::NotClosed) => self.number(run)?.is_some(),
             Seal::Flawed(_) | Seal::Chained => false,
         })
+    }
+
+    /// Whether the journal of a run is proved to be the one that was closed.
+    fn has_journal_as_closed(&mut self, run: &Path) -> bool {
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let link = self.day(&day).ok().and_then(|day| day.find(&name)).filter(|link| link.is_sound);
+        let has_sums =
+            link.is_some_and(|link| digest::of_file(&run.join(DIGESTS)).is_ok_and(|sums| sums == link.digest));
+        let promised = FileDigests::read(run).ok().and_then(|(sums, _)| sums.get(JOURNAL).map(str::to_owned));
+        has_sums && promised.is_some() && digest::of_file(&run.join(JOURNAL)).ok() == promised
     }
 
     /// The place of a run in the order in which runs were closed; `None` if the chain does not name it.

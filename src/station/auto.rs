@@ -77,12 +77,23 @@ fn carry_out(args: &RunArgs, junit: Option<&mut JunitFile>) -> Result<Verdict, C
 
 /// Returns what the command line asks for, and the bench for it.
 pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits), CommandRefusal> {
-    let serial_number = serial_number(args.serial_number.as_deref())?;
+    let Some(scan) = args.serial_number.as_deref() else {
+        return Err(CommandRefusal::new("no serial number is given", "scan it after --serial-number"));
+    };
+    let whole = framing::given(scan).map_err(|error| in_words(&error));
+    let field = framing::field_given(scan);
+    // Only bench and plan can tell whether one of several fields is meant.
+    let whole = if field.is_none() { Ok(whole?) } else { whole };
     let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
     let plan = files::plan(path)?;
     let bench = setup::check(args)?;
-    let patterns = [&bench.serial_number, &plan.plan().serial_number].into_iter().flatten();
-    serial_number::check_layout(&serial_number, patterns).map_err(|error| in_words(&error))?;
+    let patterns = || [&bench.serial_number, &plan.plan().serial_number].into_iter().flatten();
+    let is_asked_for = |number: &String| serial_number::is_asked_for(number, patterns());
+    let serial_number = match field.filter(is_asked_for) {
+        Some(field) if !whole.as_ref().is_ok_and(is_asked_for) => field,
+        _ => whole?,
+    };
+    serial_number::check_layout(&serial_number, patterns()).map_err(|error| in_words(&error))?;
     let operator = bench.habits.operator(args.operator.as_deref())?;
     let answers =
         Answers::given(&args.answers, plan.plan()).map_err(|wrong| CommandRefusal::new(wrong.what, &wrong.hint))?;
@@ -123,13 +134,6 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         began: None,
     };
     Ok((request, setup, bench.habits))
-}
-
-fn serial_number(given: Option<&str>) -> Result<String, CommandRefusal> {
-    let Some(given) = given else {
-        return Err(CommandRefusal::new("no serial number is given", "scan it after --serial-number"));
-    };
-    framing::given(given).map_err(|error| in_words(&error))
 }
 
 fn in_words(error: &SerialNumberError) -> CommandRefusal {

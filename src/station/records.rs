@@ -69,7 +69,7 @@ fn summary(wording: &Wording, word: &str, run: &RunRecord, kept: Seal) -> String
 
 /// The word of a list for an outcome or a state, as wide as its column.
 fn state(wording: &Wording, word: &str) -> String {
-    padded(&wording.text(word), 12)
+    padded(&wording.text(word), 11) + " "
 }
 
 fn show(folder: &Path) -> ExitCode {

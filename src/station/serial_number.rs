@@ -40,12 +40,16 @@ pub(crate) fn check_layout<'a>(
     number: &str,
     patterns: impl IntoIterator<Item = &'a SerialNumberPattern>,
 ) -> Result<(), SerialNumberError> {
-    let mut patterns = patterns.into_iter().peekable();
-    let asked_for = patterns.peek().is_some() && patterns.all(|pattern| pattern.fits(number));
-    if is_other_layout(number) && !asked_for {
+    if is_other_layout(number) && !is_asked_for(number, patterns) {
         return Err(SerialNumberError::Layout { text: number.to_owned() });
     }
     Ok(())
+}
+
+/// Whether there are patterns, and a number fits all of them.
+pub(crate) fn is_asked_for<'a>(number: &str, patterns: impl IntoIterator<Item = &'a SerialNumberPattern>) -> bool {
+    let mut patterns = patterns.into_iter().peekable();
+    patterns.peek().is_some() && patterns.all(|pattern| pattern.fits(number))
 }
 
 /// Returns the serial number without white space around it, which some scanners add. White space inside belongs to the

@@ -143,3 +143,38 @@ fn a_scan_of_the_command_line_is_one_of_the_screen() {
     place.write("incoming.toml", &GOOD.replacen("version", "serial_number = \"\u{410}[0-9]\"\nversion", 1));
     passed(&place, "incoming.toml", "\u{410}1");
 }
+
+/// Where plan or bench say what a serial number looks like, the command line takes it out of a code with several fields.
+#[test]
+fn a_code_with_fields_gives_its_serial_number_on_the_command_line() {
+    let place = place();
+    let with = |pattern: &str| GOOD.replacen("version", &format!("serial_number = \"{pattern}\"\nversion"), 1);
+    let two = "]C1010345312000001121SN-0001\u{1d}10LOT-1";
+    let refused = run(&place, "incoming.toml", two);
+    assert!(refused.stderr.contains("the scan holds several fields"), "without a pattern: {}", refused.stderr);
+    place.write("incoming.toml", &with("SN-[0-9]{4}"));
+    let codes = [
+        two,
+        "]C1010345312000001121SN-0001",
+        "010345312000001121SN-0001\u{1d}10LOT-1\r\n",
+        "[)>\u{1e}06\u{1d}SSN-0001\u{1e}\u{4}",
+    ];
+    for scan in codes {
+        passed(&place, "incoming.toml", scan);
+    }
+    for run in place.runs() {
+        assert_eq!(read_json(&run.join("run.json"))["serial_number"], "SN-0001");
+    }
+    // Two serial numbers, of which one fits, and one that does not fit.
+    for scan in ["]C121SN-0001\u{1d}21X-1", "]C121X-1\u{1d}10LOT-1"] {
+        let refused = run(&place, "incoming.toml", scan);
+        assert_eq!(refused.code, Some(2), "{scan:?}: {}{}", refused.stdout, refused.stderr);
+        assert!(refused.stderr.contains("the scan holds several fields"), "{scan:?}: {}", refused.stderr);
+    }
+    assert_eq!(place.runs().len(), codes.len());
+    // A pattern that asks for the whole code has it.
+    place.write("incoming.toml", &with("[0-9]{18}SN-[0-9]{4}"));
+    passed(&place, "incoming.toml", "]C1010345312000001121SN-0001");
+    let last = place.runs().into_iter().map(|run| read_json(&run.join("run.json"))["serial_number"].clone());
+    assert_eq!(last.filter(|number| number == "010345312000001121SN-0001").count(), 1);
+}

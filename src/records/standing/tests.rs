@@ -8,6 +8,7 @@ use gnc_executive::event::{BenchKind, PlanInfo};
 use gnc_executive::standing::PlanAsked;
 use serde_json::{Value, json};
 
+mod apart;
 mod hidden;
 
 use super::*;
@@ -419,87 +420,4 @@ fn simulated_runs_count_on_a_simulated_bench_alone() {
     let words = "functional passed 2026-11-28 14:30, simulated";
     assert_eq!((simulated.passes(), simulated.to_string().as_str()), (true, words));
     assert!(!shelf.standing_at(LATER).passes());
-}
-
-/// A run that began with SN-1 at the time that it has as its end, and ended with SN-9 in the socket, where the station files it.
-fn exchanged(shelf: &Shelf, plan: &str, ended: &str, item: &str, change: impl Fn(&mut Value)) -> PathBuf {
-    let run = shelf.open(plan, ended, |record| {
-        record["outcome"] = "errored".into();
-        record["items"] = json!([{ "name": "cpu", "outcome": item }, { "name": "imu", "outcome": "errored" }]);
-        record["other_module"] = json!({ "scanned": "SN-1", "found": "SN-9", "exchanged": true });
-        change(record);
-    });
-    let day = run.ancestors().nth(2).expect("a day");
-    let there = day.join(crate::store::UNASSIGNED).join(run.file_name().expect("a name"));
-    fs::create_dir_all(day.join(crate::store::UNASSIGNED)).expect("a folder");
-    fs::rename(&run, &there).expect("a folder");
-    close(&there);
-    there
-}
-
-/// The module was on the bench, and what became of it there is not known: the pass before counts no more.
-#[test]
-fn no_pass_counts_before_a_run_in_which_the_module_was_exchanged() {
-    let cases = [
-        ("passed", "ended with another module in the socket, so nothing is known of this one"),
-        ("failed", "an item failed, then another module was in the socket, so nothing more is known of this one"),
-    ];
-    for (item, words) in cases {
-        let shelf = Shelf::new();
-        shelf.run("functional", ENDED);
-        let run = exchanged(&shelf, "functional", "2026-11-28T14:40:05+08:00", item, |_| {});
-        let check = |beside: &str| {
-            let standing = shelf.standing_at(LATER);
-            assert_eq!(standing.to_string(), format!("functional errored 2026-11-28 14:40: {beside}"));
-            assert!(!standing.passes() && !standing.passes_beyond_doubt() && standing.was_run());
-        };
-        check(words);
-        assert!(!shelf.ask(LATER, PlanAsked::Named("functional"), BenchKind::Real).passes_beyond_doubt());
-        // Neither a stopped run after it nor the way in which it is kept hides it.
-        shelf.run_with("functional", "2026-11-28T14:42:05+08:00", |record| record["outcome"] = "aborted".into());
-        check(words);
-        fs::remove_file(run.join(DIGESTS)).expect("digests");
-        check(&format!("record not closed, {words}"));
-        // A later pass counts.
-        shelf.run("functional", "2026-11-28T14:45:05+08:00");
-        assert_eq!(shelf.standing_at(LATER).to_string(), "functional passed 2026-11-28 14:45");
-    }
-}
-
-/// The power failed before the run was in the chain, and nothing else tells of the module.
-#[test]
-fn an_exchange_that_the_chain_does_not_name_yet_is_seen() {
-    let shelf = Shelf::new();
-    exchanged(&shelf, "functional", ENDED, "passed", |_| {});
-    let words = "ended with another module in the socket, so nothing is known of this one";
-    let only = format!("functional errored 2026-11-28 14:30: {words}");
-    assert_eq!(shelf.standing_at(LATER).to_string(), only);
-    fs::remove_file(shelf.path().join("2026-11-28/CHAIN")).expect("a chain");
-    shelf.run("functional", "2026-11-28T14:20:05+08:00");
-    let standing = shelf.standing_at(LATER);
-    let words = format!("functional errored 2026-11-28 14:30: not in the chain, {words}");
-    assert_eq!((standing.to_string(), standing.passes()), (words, false));
-}
-
-/// Another plan, another module, a simulated bench, and a module that never was in the socket leave the pass.
-#[test]
-fn an_exchange_speaks_of_its_module_and_plan_alone() {
-    let after = |plan: &str, change: &dyn Fn(&mut Value)| {
-        let shelf = Shelf::new();
-        shelf.run("functional", ENDED);
-        exchanged(&shelf, plan, "2026-11-28T14:40:05+08:00", "failed", change);
-        let standing = shelf.standing_at(LATER);
-        assert!(standing.passes_beyond_doubt(), "{standing}");
-        standing.to_string()
-    };
-    let passed = "functional passed 2026-11-28 14:30";
-    let words = "an item failed, then another module was in the socket, so nothing more is known of this one";
-    assert_eq!(after("burn-in", &|_| {}), format!("{passed}; then burn-in errored 2026-11-28 14:40: {words}"));
-    assert_eq!(after("functional", &|record| record["bench"] = json!({ "kind": "simulated" })), passed);
-    assert_eq!(after("functional", &|record| record["serial_number"] = "SN-2".into()), passed);
-    // As the station files it if SN-9 was there from the start, and as earlier versions filed both.
-    assert_eq!(
-        after("functional", &|record| record["other_module"] = json!({ "scanned": "SN-1", "found": "SN-9" })),
-        passed
-    );
 }

@@ -13,6 +13,7 @@
 //! from day to day. `COUNTER` in the records folder holds the last number and link: it reveals a tail that was cut off.
 //! A person who can write all of these files can forge all of them: keep a copy of `COUNTER` in another place.
 
+mod apart;
 mod entry;
 mod order;
 
@@ -27,6 +28,7 @@ use nix::fcntl::{Flock, FlockArg};
 
 use super::folder::sync_dir;
 use super::{DIGESTS, StoreError, digest, goes_on, on, reader};
+pub(crate) use apart::{apart, last_number};
 use entry::ChainEntry;
 pub use entry::LateClose;
 pub(crate) use order::by_close;

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::decode::whole_sequence;
+use super::fields;
 use super::input::{Scanned, ends_scan};
 pub(crate) use crate::serial_number::is_other_layout;
 use crate::serial_number::{self, MAX_CHARACTERS, SerialNumberError, is_invisible};
@@ -78,6 +79,14 @@ pub(crate) fn given(scan: &str) -> Result<String, SerialNumberError> {
         ScanProblem::Invisible(character) => SerialNumberError::Invisible { text: text(), character },
     })?;
     serial_number::check(&number)
+}
+
+/// The serial number that stands in a field of a scan of the command line; `None` if the scan has no fields, or not just one
+/// serial number among them.
+pub(crate) fn field_given(scan: &str) -> Option<String> {
+    let scanned = Scanned { bytes: scan.as_bytes().to_vec(), ended: true, ..Scanned::default() };
+    let code = unframed("", &scanned);
+    serial_number::check(fields::serial_number(&code)?).ok()
 }
 
 /// What scanners put before and behind a code: control characters, spaces, the mark of the byte order.

@@ -1,5 +1,6 @@
 //! What people do to hide a failed run from the gate of the next plan.
 
+use super::apart::exchanged;
 use super::*;
 
 fn failed(record: &mut Value) {
@@ -12,7 +13,7 @@ fn failed_item(record: &mut Value) {
     record["selection_outcome"] = "failed".into();
 }
 
-fn edit(run: &Path, change: impl Fn(&mut Value)) {
+pub(super) fn edit(run: &Path, change: impl Fn(&mut Value)) {
     let path = run.join(RECORD);
     let mut record: Value = serde_json::from_slice(&fs::read(&path).expect("a record")).expect("JSON");
     change(&mut record);
