@@ -10,6 +10,7 @@ use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
 use gnc_executive::part::PartName;
 use gnc_executive::plan::Plan;
+use gnc_text::printable;
 
 use crate::exit_code::USAGE;
 use crate::refusal::{CommandRefusal, refuse};
@@ -34,7 +35,14 @@ fn check(
     let mut wrong = 0;
     for path in plans {
         match about(path, abilities, part) {
-            Ok(good) => out.say_sentences(good),
+            Ok(said) => {
+                for (name, sentence) in said {
+                    match name {
+                        Some(name) => out.say_sentence_of(&name, &sentence),
+                        None => out.say_sentences(sentence),
+                    }
+                }
+            }
             Err(refusal) => {
                 wrong += 1;
                 out.say_sentences(refusal.what);
@@ -47,11 +55,14 @@ fn check(
     if wrong > 0 { ExitCode::from(USAGE) } else { ExitCode::SUCCESS }
 }
 
+/// What is said, and of what: a name is no sentence, whatever it reads like.
+type Said = (Option<String>, String);
+
 /// What is to be said of a plan without mistakes.
-fn about(path: &Path, abilities: Option<BenchAbilities>, part: Option<&PartName>) -> Result<String, CommandRefusal> {
+fn about(path: &Path, abilities: Option<BenchAbilities>, part: Option<&PartName>) -> Result<Vec<Said>, CommandRefusal> {
     let plan = files::plan(path)?;
     let plan = plan.plan();
-    let limits = part.map(|part| limits(plan, part)).transpose()?.unwrap_or_default();
+    let limits = part.map(|part| limits(plan, part)).transpose()?;
     let remark = match abilities {
         Some(abilities) => {
             Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
@@ -59,8 +70,11 @@ fn about(path: &Path, abilities: Option<BenchAbilities>, part: Option<&PartName>
         }
         None => ", not checked against a bench",
     };
-    let (items, time) = (plan.items().len(), bench_time(plan));
-    Ok(format!("{}: {items} items, no mistake{remark}{time}{limits}", path.display()))
+    let path = printable(&path.display().to_string()).into_owned();
+    let mut said = vec![(Some(path), format!("{} items, no mistake{remark}", plan.items().len()))];
+    said.extend(bench_time(plan));
+    said.extend(limits.map(|limits| (None, limits)));
+    Ok(said)
 }
 
 /// The limits by which a plan judges a module, each with the plan's own limit in its place if that is another.
@@ -71,7 +85,7 @@ fn limits(plan: &Plan, module: &PartName) -> Result<String, CommandRefusal> {
     }
     let chosen = plan.choose_limits(module).map_err(|error| CommandRefusal::new(&error, error.try_this()))?;
     let judging = chosen.part.as_ref().and_then(|part| plan.with_limits_of(part));
-    let mut lines = format!("\n  limits: {chosen}");
+    let mut lines = format!("  limits: {chosen}");
     for (item, own) in judging.as_ref().unwrap_or(plan).items().iter().zip(plan.items()) {
         for (name, limit) in item.limits() {
             let was = match own.limit(name) {
@@ -95,20 +109,19 @@ fn with_band(limit: &Limit) -> String {
 }
 
 /// Describes the bench time of each item that captures, and the sum. Empty if no item captures.
-fn bench_time(plan: &Plan) -> String {
-    let mut lines = String::new();
+fn bench_time(plan: &Plan) -> Vec<Said> {
+    let mut said = Vec::new();
     let mut whole_s = 0.0;
     for item in plan.items() {
         if let Ok(Some(program)) = motion::program(item.id, &item.params) {
             whole_s += program.span_s() * f64::from(item.repeats);
-            lines.push_str(&format!("\n  {}: {program}", item.name));
+            said.push((Some(format!("  {}", item.name)), program.to_string()));
         }
     }
-    if lines.is_empty() {
-        lines
-    } else {
-        format!("{lines}\n  together {} of bench time for captures", motion::DisplayDuration(whole_s))
+    if !said.is_empty() {
+        said.push((None, format!("  together {} of bench time for captures", motion::DisplayDuration(whole_s))));
     }
+    said
 }
 
 /// Returns what the bench can do. `None` if no bench is named and there is no `bench.toml`: then only the language of

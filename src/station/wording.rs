@@ -16,13 +16,19 @@ use gnc_text::printable;
 use ratatui::text::Span;
 
 use crate::locale::{Environment, Lang};
-use crate::phrases::in_language;
+use crate::phrases::{LONGEST, Tries, in_language, in_language_within};
 
 /// Begins the cell with what a person looks at when a measurement is bad.
 const LOOK_AT: &str = "look at: ";
 
 /// Words before a sentence that is looked up by itself: a place at the beginning of another one could take them in.
 const BEFORE: [&str; 2] = ["note: ", "DANGER: "];
+
+/// Texts for which a line has tries. A row has a dozen cells, and most of them are short.
+const TEXTS_OF_LINE: u32 = 4;
+
+/// Most texts in another: a banner with a name, words with a remark, a list in it.
+const MOST_DEPTH: u32 = 8;
 
 /// The language of lines, and the names that no language changes.
 #[derive(Clone, Debug)]
@@ -79,61 +85,71 @@ impl Wording {
     }
 
     fn line(&self, line: &str) -> String {
+        // The station says no such line. A person's note may be one.
+        if line.len() > LONGEST {
+            return line.to_owned();
+        }
+        let mut tries = Tries::of_texts(TEXTS_OF_LINE);
         let indent = line.len() - line.trim_start_matches(' ').len();
         let (indent, rest) = line.split_at(indent);
         let mut out = indent.to_owned();
-        // Where the next cell begins in English.
-        let mut column = indent.len();
+        // Where the next cell begins in English, and how far the line is told.
+        let (mut column, mut told) = (indent.len(), indent.len());
         // A verdict in capitals is no row of a table: what follows it stands close to it.
         let is_row = !rest.chars().take(2).all(char::is_uppercase);
-        for (index, cell) in cells(rest).into_iter().enumerate() {
-            let (text, gap) = cell;
+        let cells = cells(rest);
+        // At the beginning of a row stands a word of the station.
+        let is_alone = cells.len() == 1;
+        for (index, (text, gap)) in cells.into_iter().enumerate() {
             column += width(text) + gap;
-            match index > 0 && self.names.contains(text) {
-                true => out.push_str(text),
-                false => out.push_str(&self.cell(text)),
-            }
+            let cell = match (index > 0 || is_alone) && self.names.contains(text) {
+                true => Cow::Borrowed(text),
+                false => self.cell(text, MOST_DEPTH, &mut tries),
+            };
+            out.push_str(&cell);
+            told += width(&cell);
             if gap > 0 {
-                let missing = if is_row { column.saturating_sub(width(&out)) } else { gap };
-                out.push_str(&" ".repeat(missing.max(2)));
+                let missing = if is_row { column.saturating_sub(told) } else { gap };
+                let missing = missing.max(2);
+                out.push_str(&" ".repeat(missing));
+                told += missing;
             }
         }
         out
     }
 
     /// A text without columns: a sentence, words in a list, or a name with words behind it.
-    fn cell<'a>(&self, text: &'a str) -> Cow<'a, str> {
-        if text.is_empty() {
-            return Cow::Borrowed(text);
-        }
+    fn cell<'a>(&self, text: &'a str, depth: u32, tries: &mut Tries) -> Cow<'a, str> {
+        let Some(depth) = depth.checked_sub(1).filter(|_| !text.is_empty()) else { return Cow::Borrowed(text) };
         if let Some(banner) = text.strip_prefix("*** ").and_then(|text| text.strip_suffix(" ***")) {
-            return Cow::Owned(format!("*** {} ***", self.cell(banner)));
+            return Cow::Owned(format!("*** {} ***", self.cell(banner, depth, tries)));
         }
         if let Some(told) = self.look_at(text) {
             return Cow::Owned(told);
         }
         if let Some((name, rest)) = name_before(text, &self.measurements) {
-            return Cow::Owned(format!("{name} {}", self.cell(rest)));
+            return Cow::Owned(format!("{name} {}", self.cell(rest, depth, tries)));
         }
         if let Some((word, rest)) = BEFORE.iter().find_map(|word| Some((word, text.strip_prefix(word)?))) {
-            return Cow::Owned(in_language(&format!("{word}{}", self.cell(rest)), self.lang).into_owned());
+            let told = format!("{word}{}", self.cell(rest, depth, tries));
+            return Cow::Owned(in_language_within(&told, self.lang, tries).into_owned());
         }
         // A place at the end of a sentence could take in a whole list.
-        let list = self.list(text);
+        let list = self.list(text, tries);
         if let Some((list, 2..)) = list {
             return Cow::Owned(list);
         }
-        let whole = in_language(text, self.lang);
+        let whole = in_language_within(text, self.lang, tries);
         if let Cow::Owned(whole) = whole {
             return Cow::Owned(whole);
         }
         if let Some((name, rest)) = name_before(text, &self.names) {
-            return Cow::Owned(format!("{name} {}", self.cell(rest)));
+            return Cow::Owned(format!("{name} {}", self.cell(rest, depth, tries)));
         }
         if let Some((list, _)) = list {
             return Cow::Owned(list);
         }
-        self.with_remark(text).map_or(Cow::Borrowed(text), Cow::Owned)
+        self.with_remark(text, depth, tries).map_or(Cow::Borrowed(text), Cow::Owned)
     }
 
     /// The advice of the catalogue, which has its translations beside it.
@@ -145,7 +161,7 @@ impl Wording {
     }
 
     /// "1 passed, 2 failed": parts with a comma between them, and how many of them the table knows, at least one.
-    fn list(&self, text: &str) -> Option<(String, usize)> {
+    fn list(&self, text: &str, tries: &mut Tries) -> Option<(String, usize)> {
         // The clauses of a sentence are no list.
         if text.contains(['(', ';']) || text.contains(": ") {
             return None;
@@ -155,7 +171,7 @@ impl Wording {
             .iter()
             .map(|part| match self.names.contains(*part) {
                 true => Cow::Borrowed(*part),
-                false => in_language(part, self.lang),
+                false => in_language_within(part, self.lang, tries),
             })
             .collect();
         let known = told.iter().filter(|part| matches!(part, Cow::Owned(_))).count();
@@ -164,9 +180,10 @@ impl Wording {
     }
 
     /// "ERRORED (simulated, selection)": words, and a remark in parentheses behind them.
-    fn with_remark(&self, text: &str) -> Option<String> {
+    fn with_remark(&self, text: &str, depth: u32, tries: &mut Tries) -> Option<String> {
         let (words, remark) = text.strip_suffix(')')?.split_once(" (")?;
-        let (told, remarked) = (in_language(words, self.lang), self.cell(remark));
+        let told = in_language_within(words, self.lang, tries);
+        let remarked = self.cell(remark, depth, tries);
         if matches!((&told, &remarked), (Cow::Borrowed(_), Cow::Borrowed(_))) {
             return None;
         }
@@ -261,6 +278,12 @@ impl<W: Write> Lines<W> {
         let colon = if self.wording.lang == Lang::Zh { "：" } else { ": " };
         let said = self.wording.text(&english.to_string());
         let _ = writeln!(self.out, "{what}{colon}{said}");
+    }
+
+    /// Writes a sentence that is said of something with a name. A reader that has seen enough is no error.
+    pub(crate) fn say_sentence_of(&mut self, name: &str, english: &str) {
+        let colon = if self.wording.lang == Lang::Zh { "：" } else { ": " };
+        let _ = writeln!(self.out, "{name}{colon}{}", in_language(english, self.wording.lang));
     }
 
     /// Writes a line that is in the language already.

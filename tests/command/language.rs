@@ -62,7 +62,7 @@ fn findings_are_in_the_language_of_the_locale() {
             assert!(english.lines().count() == other.lines().count(), "{english}{other}");
             assert!(other.chars().any(|c| of_it.contains(&c)), "{locale}: {other}");
             // A terminal that cannot show the language gets English.
-            assert_eq!(found("zh_CN.GB18030", args).lines().count(), english.lines().count());
+            assert_eq!(found("zh_CN.GB18030", args), english);
         }
         let json = [stability, &["--json"]].concat();
         assert_eq!(found(locale, &json), found("C", &json), "programs read the same in every language");

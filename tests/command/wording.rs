@@ -349,16 +349,46 @@ fn auto_speaks_the_language_of_the_locale() {
     }
 }
 
+/// Fields of an event that tell when it happened, and on which pseudo-terminal.
+const TIMES: [&str; 4] = ["at", "elapsed_us", "port", "link"];
+
+/// The value without times, in any depth.
+fn without_times(value: &Value) -> Value {
+    match value {
+        Value::Object(fields) => fields
+            .iter()
+            .filter(|(key, _)| !TIMES.contains(&key.as_str()))
+            .map(|(key, value)| (key.clone(), without_times(value)))
+            .collect(),
+        Value::Array(values) => values.iter().map(without_times).collect(),
+        other => other.clone(),
+    }
+}
+
 /// Programs read the events, and people read beside them.
 #[test]
 fn events_have_no_language() {
     let place = Place::new(STATION);
+    place.write("breach.toml", "description = \"late\"\n[board]\nserial = \"B\\u0000\"\n");
     let plan = functional_plan();
-    let args = auto(plan.to_str().expect("UTF-8"), "--sim", "T-1", &["--only", "cpu", "--events"]);
-    let kinds = |locale: &str| -> Vec<Value> {
-        let told = said(&place, locale, &args).1;
-        let events = told.lines().map(|line| serde_json::from_str::<Value>(line).expect("an event"));
-        events.map(|event| event["kind"].clone()).collect()
-    };
-    assert_eq!(kinds("ru_RU.UTF-8"), kinds("C"));
+    let plan = plan.to_str().expect("UTF-8");
+    for args in [
+        auto(plan, "--sim", "T-1", &["--only", "cpu", "--events"]),
+        // Errors with their hints, and notes.
+        auto(plan, "--sim=wrong-firmware", "T-1", &["--only", "identity,cpu", "--events"]),
+        auto(plan, "--sim=breach.toml", "T-1", &["--only", "cpu", "--events"]),
+    ] {
+        let events = |locale: &str| -> Vec<Value> {
+            let told = said(&place, locale, &args).1;
+            told.lines().map(|line| without_times(&serde_json::from_str(line).expect("an event"))).collect()
+        };
+        let english = events("C");
+        assert!(english.len() > 3, "{english:?}");
+        for locale in LOCALES {
+            for (event, english) in events(locale).iter().zip(&english) {
+                assert_eq!(event, english, "{locale} {args:?}");
+            }
+            assert_eq!(events(locale).len(), english.len(), "{locale} {args:?}");
+        }
+    }
 }

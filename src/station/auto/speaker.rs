@@ -9,6 +9,7 @@ use gnc_executive::record::{ItemRecord, RunRecord};
 use gnc_text::printable;
 
 use crate::locale::Lang;
+use crate::phrases::LONGEST;
 use crate::wording::Wording;
 
 /// What begins the words about the key that answers a request.
@@ -105,7 +106,7 @@ impl Speaker {
 
     /// Sentences behind each other, of which some may be a person's own.
     fn sentences(&self, english: &str) -> String {
-        if self.lang() == Lang::En {
+        if self.lang() == Lang::En || english.len() > LONGEST {
             return english.to_owned();
         }
         let mut told: Vec<String> = Vec::new();
@@ -114,7 +115,8 @@ impl Speaker {
             // "1 .. 2 V" ends no sentence.
             let ends = rest.match_indices(". ").map(|(at, _)| at + 1);
             let mut ends = ends.filter(|end| rest.get(..end - 1).is_some_and(|text| !text.ends_with([' ', '.'])));
-            let end = ends.next().into_iter().chain(rest.find(PRESS)).min().unwrap_or(rest.len());
+            let end = ends.next().unwrap_or(rest.len());
+            let end = rest[..end].find(PRESS).unwrap_or(end);
             let (one, more) = rest.split_at(end);
             told.push(match one.strip_prefix('(').and_then(|one| one.strip_suffix(')')) {
                 Some(remark) => format!("({})", self.words(remark)),

@@ -176,3 +176,23 @@ fn the_limits_of_a_part_have_their_marginal_bands() {
     fs::write(&path, format!("requires_part = true\n{PARTS}")).expect("a file");
     speaks_all(&path, None, Some(&PartName::new("B", Some("D"))));
 }
+
+/// Files and items keep their names, whatever these read like.
+#[test]
+fn names_of_files_and_items_stay() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["board", "memory: failed", "x: x: x: board"] {
+        let path = folder.path().join(name);
+        let item = "[[item]]\nid = \"six-position\"\nname = \"temperature\"\nlimits.residual_rms = \"<= 5 mg\"\n";
+        fs::write(&path, format!("name = \"p\"\nversion = \"1\"\n{item}")).expect("a file");
+        for lang in [Lang::Zh, Lang::Ru] {
+            let said = said(&path, None, None, lang);
+            let shown = path.display().to_string();
+            assert!(said.starts_with(&shown), "{lang:?}: {said}");
+            assert!(
+                said.contains("\n  temperature") && !said.contains("items") && !said.contains("takes"),
+                "{lang:?}: {said}"
+            );
+        }
+    }
+}

@@ -2,8 +2,10 @@
 
 use std::borrow::Cow;
 
-/// Most tries to fit a text to a form. A text that needs more is none of the station's sentences.
-const MOST_TRIES: u32 = 2000;
+use super::Tries;
+
+/// Most tries to fit a text to one form. A text that needs more is none of the station's sentences.
+const MOST_TRIES_OF_FORM: u32 = 2000;
 
 /// What a place takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,6 +16,10 @@ pub(super) enum PlaceKind {
     Number,
     /// A sentence with translations of its own.
     Sentence,
+    /// A person's own words: nothing in them is looked up.
+    Own,
+    /// A name that a person gave: nothing in it is looked up, and nothing in it joins two sentences.
+    Name,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -41,6 +47,8 @@ impl Form {
             let (name, kind) = match name.split_at_checked(name.len().checked_sub(1)?)? {
                 (name, "#") => (name, PlaceKind::Number),
                 (name, "*") => (name, PlaceKind::Sentence),
+                (name, "!") => (name, PlaceKind::Own),
+                (name, "@") => (name, PlaceKind::Name),
                 _ => (name, PlaceKind::Text),
             };
             let is_name = !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'_');
@@ -70,15 +78,23 @@ impl Form {
         }
     }
 
-    /// The values of its places in a text of this form.
-    pub(super) fn values<'a>(&self, text: &'a str) -> Option<Vec<&'a str>> {
+    /// The values of its places in a text of this form. `None` also if no try is left.
+    pub(super) fn values<'a>(&self, text: &'a str, tries: &mut Tries) -> Option<Vec<&'a str>> {
+        if !tries.take() {
+            return None;
+        }
+        count();
         let rest = text.strip_prefix(self.begin)?;
+        let fits_at_end = self.places.last().map_or(rest.is_empty(), |place| rest.ends_with(place.then));
+        if !fits_at_end {
+            return None;
+        }
         let mut values = Vec::with_capacity(self.places.len());
-        let mut tries = MOST_TRIES;
-        self.fits(rest, &mut values, &mut tries).then_some(values)
+        let mut of_form = MOST_TRIES_OF_FORM;
+        self.fits(rest, &mut values, &mut of_form, tries).then_some(values)
     }
 
-    fn fits<'a>(&self, rest: &'a str, values: &mut Vec<&'a str>, tries: &mut u32) -> bool {
+    fn fits<'a>(&self, rest: &'a str, values: &mut Vec<&'a str>, of_form: &mut u32, tries: &mut Tries) -> bool {
         let Some(place) = self.places.get(values.len()) else { return rest.is_empty() };
         let is_last = values.len() + 1 == self.places.len();
         let ends: Box<dyn Iterator<Item = usize>> = match place.then {
@@ -88,16 +104,17 @@ impl Form {
             then => Box::new(rest.match_indices(then).map(|(at, _)| at)),
         };
         for end in ends {
-            *tries = tries.saturating_sub(1);
-            if *tries == 0 {
+            *of_form = of_form.saturating_sub(1);
+            if *of_form == 0 || !tries.take() {
                 return false;
             }
+            count();
             let value = &rest[..end];
             if !takes(place.kind, value) || self.is_another_value(place.name, value, values) {
                 continue;
             }
             values.push(value);
-            if self.fits(&rest[end + place.then.len()..], values, tries) {
+            if self.fits(&rest[end + place.then.len()..], values, of_form, tries) {
                 return true;
             }
             values.pop();
@@ -112,8 +129,7 @@ impl Form {
 
     /// Whether a text among the values holds what joins two sentences.
     pub(super) fn takes_joint(&self, values: &[&str]) -> bool {
-        let joint = |value: &str| value.contains(": ") || value.contains("; ");
-        self.places.iter().zip(values).any(|(place, value)| place.kind == PlaceKind::Text && joint(value))
+        self.places.iter().zip(values).any(|(place, value)| place.kind == PlaceKind::Text && has_joint(value))
     }
 
     /// The value of a place, and its kind.
@@ -133,11 +149,16 @@ impl Form {
     }
 }
 
+fn has_joint(value: &str) -> bool {
+    value.contains(": ") || value.contains("; ")
+}
+
 fn takes(kind: PlaceKind, value: &str) -> bool {
     let in_number = |byte: u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'+' | b'-' | b'e' | b',');
     match kind {
         // A value is one line; what follows on the next is another sentence.
-        PlaceKind::Text => !value.contains('\n'),
+        PlaceKind::Text | PlaceKind::Own => !value.contains('\n'),
+        PlaceKind::Name => !value.contains('\n') && !has_joint(value),
         PlaceKind::Number => value.bytes().any(|byte| byte.is_ascii_digit()) && value.bytes().all(in_number),
         PlaceKind::Sentence => !value.is_empty(),
     }
@@ -146,4 +167,16 @@ fn takes(kind: PlaceKind, value: &str) -> bool {
 /// The first word of a text; the whole text if it is one word.
 pub(super) fn first_word_of(text: &str) -> &str {
     text.split_once(' ').map_or(text, |(word, _)| word)
+}
+
+#[cfg(test)]
+std::thread_local! {
+    /// Forms and places tried in this thread, whatever the budget says.
+    pub(super) static TRIED: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+}
+
+/// Tests count each form and each place that is tried.
+fn count() {
+    #[cfg(test)]
+    TRIED.set(TRIED.get() + 1);
 }

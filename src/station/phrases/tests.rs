@@ -89,25 +89,30 @@ fn forms_agree() {
     }
 }
 
+/// A sentence, made with values.
+fn made(english: &Form) -> String {
+    english.fill(|name| {
+        Some(match english.places()[name] {
+            PlaceKind::Number => "42".into(),
+            PlaceKind::Text | PlaceKind::Own | PlaceKind::Name => format!("<{name}>").into(),
+            PlaceKind::Sentence => "bus in memory".into(),
+        })
+    })
+}
+
 /// Each sentence, made with values, is found as itself and not as another one.
 #[test]
 fn each_sentence_is_found_as_itself() {
     let mut seen: BTreeMap<String, (&str, &str)> = BTreeMap::new();
     for sentence in all() {
         let english = Form::read(sentence.en).unwrap_or_default();
-        let made = english.fill(|name| {
-            Some(match english.places()[name] {
-                PlaceKind::Number => "42".into(),
-                PlaceKind::Text => format!("<{name}>").into(),
-                PlaceKind::Sentence => "bus in memory".into(),
-            })
-        });
+        let made = made(&english);
         assert!(seen.insert(made.clone(), sentence.id).is_none(), "{:?} and {:?}: {made}", sentence.id, seen[&made]);
         for (lang, form) in [(Lang::Zh, sentence.zh), (Lang::Ru, sentence.ru)] {
             let expected = Form::read(form).unwrap_or_default().fill(|name| {
                 Some(match (english.places()[name], lang) {
                     (PlaceKind::Number, _) => "42".into(),
-                    (PlaceKind::Text, _) => format!("<{name}>").into(),
+                    (PlaceKind::Text | PlaceKind::Own | PlaceKind::Name, _) => format!("<{name}>").into(),
                     (PlaceKind::Sentence, Lang::Zh) => "内存中的总线".into(),
                     (PlaceKind::Sentence, _) => "шина в памяти".into(),
                 })
@@ -115,4 +120,84 @@ fn each_sentence_is_found_as_itself() {
             assert_eq!(in_language(&made, lang), expected, "{:?}", sentence.id);
         }
     }
+}
+
+/// Forms and places that are tried for a text, as the tries themselves count them.
+fn tried(text: &str) -> u64 {
+    tried_in(|| drop(ZH.found(text, &mut Tries::of_texts(1))))
+}
+
+/// Texts that people or boards could make, as long as texts are looked up, cost no more than the budget.
+#[test]
+fn a_hostile_text_costs_no_more_than_the_budget() {
+    let mut pieces: Vec<String> =
+        ["x: ", "x; ", "x. ", "x\n", "x, ", "\"x\" ", "`x` ", "a (", ") ", "1 of ", " is ", "port x is in use by y: "]
+            .map(str::to_owned)
+            .into();
+    // Beginnings of rows.
+    pieces.extend(
+        all().iter().step_by(300).map(|sentence| format!("{}: ", sentence.en.split('{').next().unwrap_or("x"))),
+    );
+    for piece in pieces {
+        for times in [40, LONGEST] {
+            let text = piece.repeat(times.min(LONGEST / piece.len()));
+            assert!(tried(&text) <= u64::from(MOST_TRIES), "{times} times {piece}");
+        }
+    }
+    for begin in ["cannot read board: ", "note: ", "the plan stops at the first bad item, and "] {
+        let text = format!("{begin}{}", "x\" is \"y: ".repeat(300));
+        assert!(tried(&text) <= u64::from(MOST_TRIES), "{begin}");
+    }
+}
+
+/// The budget is far from what the station says of itself: sentences with causes and hints behind them.
+#[test]
+fn sentences_of_the_station_cost_little() {
+    let made: Vec<String> = all().iter().map(|sentence| made(&Form::read(sentence.en).unwrap_or_default())).collect();
+    let (mut most, mut of) = (0, String::new());
+    for at in (0..made.len()).step_by(5) {
+        let other = |step: usize| &made[(at + step * 97) % made.len()];
+        for text in [made[at].clone(), format!("{}: {}: {}; {}", made[at], other(1), other(2), other(3))] {
+            let tried = tried(&text);
+            if tried > most {
+                (most, of) = (tried, text);
+            }
+        }
+    }
+    assert!(most <= u64::from(MOST_TRIES / 2), "{most} for {of}");
+}
+
+#[track_caller]
+fn kept(english: &str, own: &str) {
+    for lang in [Lang::Zh, Lang::Ru] {
+        let told = in_language(english, lang);
+        assert_eq!(told.matches(own).count(), english.matches(own).count(), "{english}: {told}");
+        assert!(matches!(told, Cow::Owned(_)), "{english}");
+    }
+}
+
+/// What a person wrote stays as it is, even where it reads like sentences of the table.
+#[test]
+fn names_and_answers_stay_as_they_are() {
+    for name in ["temperature", "board", "memory", "failed", "not run", "item, failed"] {
+        for english in [
+            format!("{name} passed 2026-11-30 14:30"),
+            format!("only {name} errored 2026-11-30 14:30"),
+            format!("only {name}, {name} errored 2026-11-30 14:30"),
+            format!("{name} passed 2026-11-30 14:30, simulated"),
+            format!("{name} passed 2026-11-30 14:30; then only {name} errored 2026-11-30 14:30: simulated"),
+            format!("{name} errored 2026-11-30 14:30; {name} never"),
+        ] {
+            kept(&english, name);
+        }
+    }
+    for words in ["failed", "true", "board", "board: failed", "chain; failed", "failed. true", "a, b: failed"] {
+        for english in [format!("answered: {words}"), format!("asked: {words}"), format!("x: answered: {words}")] {
+            kept(&english, words);
+        }
+    }
+    assert_eq!(zh("temperature passed 2026-11-30 14:30"), "temperature 合格 2026-11-30 14:30");
+    assert_eq!(zh("only board failed 2026-11-30 14:30"), "仅 board 不合格 2026-11-30 14:30");
+    assert_eq!(zh("only 4 items failed 2026-11-30 14:30"), "仅 4 个项目 不合格 2026-11-30 14:30");
+    assert_eq!(zh("answered: board: failed"), "回答：board: failed");
 }
