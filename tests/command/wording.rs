@@ -352,7 +352,7 @@ fn auto_speaks_the_language_of_the_locale() {
 /// Fields of an event that tell when it happened, and on which pseudo-terminal.
 const TIMES: [&str; 4] = ["at", "elapsed_us", "port", "link"];
 
-/// The value without times, in any depth.
+/// The value without times, in any depth; and without figures in texts, which tell of times too.
 fn without_times(value: &Value) -> Value {
     match value {
         Value::Object(fields) => fields
@@ -361,6 +361,10 @@ fn without_times(value: &Value) -> Value {
             .map(|(key, value)| (key.clone(), without_times(value)))
             .collect(),
         Value::Array(values) => values.iter().map(without_times).collect(),
+        Value::String(text) => {
+            let is_figure = |character: char| character.is_ascii_digit() || character == '.';
+            text.split(is_figure).filter(|part| !part.is_empty()).collect::<Vec<_>>().join("#").into()
+        }
         other => other.clone(),
     }
 }
