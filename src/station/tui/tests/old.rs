@@ -223,3 +223,13 @@ fn the_words_of_a_question_are_in_the_language_of_the_screen() {
         assert_eq!(log.contains("Limit:"), lang == Lang::En, "{lang:?}: {log}");
     }
 }
+
+/// The disk fills up in a run, so the record has no end. No item waits any more, and the page does not say so.
+#[test]
+fn no_item_waits_after_a_run_without_a_record() {
+    let mut scene = Scene::at_work(Lang::En, 80, 24).expect("memory");
+    assert!(scene.text().contains("waiting"), "{}", scene.text());
+    scene.tell(Msg::RunOver { verdict: None, store_error: Some("the disk is full".into()), refusal: None });
+    let text = scene.text();
+    assert!(!text.contains("waiting") && text.contains("not run"), "{text}");
+}

@@ -66,13 +66,16 @@ pub(super) fn of_plan(model: &ScreenModel, plan: &PlanView, frame: &mut Frame<'_
 pub(super) fn of_run(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let Some(run) = &model.run else { return };
     let ticks = (!model.is_running()).then_some(model.ticks.as_slice());
-    let list = List { model, state: &run.state, progress: &run.progress, ticks, cursor: model.cursor };
+    // A record that could not be written has no verdict, and its run is over all the same.
+    let over = run.over || run.state.verdict().is_some();
+    let list = List { model, state: &run.state, progress: &run.progress, ticks, cursor: model.cursor, over };
     list.draw(frame, area, focus(model));
 }
 
 /// The items of a run of the records.
 pub(super) fn of_record(model: &ScreenModel, state: &RunState, cursor: usize, frame: &mut Frame<'_>, area: Rect) {
-    List { model, state, progress: &[], ticks: None, cursor }.draw(frame, area, cursor);
+    let over = state.verdict().is_some();
+    List { model, state, progress: &[], ticks: None, cursor, over }.draw(frame, area, cursor);
 }
 
 /// The line that stays in sight: the item that has begun last, until the operator moves the cursor.
@@ -88,6 +91,8 @@ struct List<'a> {
     /// The items of the next run; `None` if nothing can be ticked.
     ticks: Option<&'a [bool]>,
     cursor: usize,
+    /// Whether nothing of the run can come any more.
+    over: bool,
 }
 
 impl List<'_> {
@@ -96,13 +101,12 @@ impl List<'_> {
         let cells = usize::from(area.width);
         let columns = Columns::new(self.model, cells);
         let order = order(self.state);
-        let over = self.state.verdict().is_some();
         let (mut shown, room) = head(self.model, &columns, order.len(), area);
         // Lines above that line, with those under bad items.
         let mut lines = Vec::new();
         let mut focus_line = 0;
         // Without explanations each line is an item, and only the lines in sight are made.
-        let start = if over { 0 } else { first_shown(focus, order.len(), room) };
+        let start = if self.over { 0 } else { first_shown(focus, order.len(), room) };
         for (at, position) in order.iter().enumerate().skip(start) {
             if lines.len() > room && at > focus {
                 break;
@@ -112,7 +116,7 @@ impl List<'_> {
                 focus_line = lines.len();
             }
             lines.push(self.line(&columns, at == self.cursor, *position, row, cells));
-            if over && at < EXPLAINED && is_bad(row.outcome) {
+            if self.over && at < EXPLAINED && is_bad(row.outcome) {
                 lines.extend(explained(self.model, row, cells));
             }
         }
@@ -143,8 +147,7 @@ impl List<'_> {
             ),
             None if !row.planned.selected => (Span::raw("  "), Span::raw(""), String::new()),
             None => {
-                let word =
-                    if self.state.verdict().is_some() { (texts.outcome_word)(Outcome::NotRun) } else { texts.waiting };
+                let word = if self.over { (texts.outcome_word)(Outcome::NotRun) } else { texts.waiting };
                 (Span::raw("  "), Span::styled(word, style::faint()), String::new())
             }
         };
