@@ -76,7 +76,7 @@ pub enum ResumeError {
         /// Days for which a pass of the plan counts.
         valid_days: u32,
     },
-    /// The clock was set back since then, so nobody knows how old the captures are.
+    /// The clock was set back since then, so the age of the captures is unknown.
     #[error(
         "the run to resume began {}, later than this computer's clock ({})",
         began.format("%F %H:%M"), now.format("%F %H:%M")

@@ -1,4 +1,4 @@
-//! The language of whoever sits at the terminal, and whether the terminal can show it.
+//! The language of the person at the terminal, and whether the terminal can show it.
 
 /// A language of the station.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, clap::ValueEnum)]

@@ -142,7 +142,7 @@ impl Phrases {
         if text.len() > LONGEST {
             return Cow::Borrowed(text);
         }
-        // Whoever finds the store in use looks the text up.
+        // While another thread uses the store, the text is looked up.
         let before = self.kept.try_lock().ok().and_then(|kept| kept.texts.get(text).cloned());
         let found = before.unwrap_or_else(|| {
             let found = self.found(text, &mut Tries::of_texts(1));

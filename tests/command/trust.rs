@@ -94,7 +94,7 @@ fn the_newest_run_is_the_one_that_was_closed_last() {
     assert_eq!(plans(), ["other", "incoming"]);
 }
 
-/// A record that somebody edited is judged by no plan: the new judgement would be closed as if the samples were the module's.
+/// An edited record is judged by no plan: the new judgement would be closed as if the samples were the module's.
 #[test]
 fn a_changed_record_is_judged_by_no_other_plan() {
     let place = place();

@@ -162,7 +162,7 @@ fn a_signal_ends_the_run_and_gives_the_terminal_back() {
     }
 }
 
-/// Whoever leaves in a run stops it, and the program ends as after a signal.
+/// F10 and F2 in a run stop it, and the program ends as after a signal.
 #[test]
 fn leaving_in_a_run_ends_as_a_signal_does() {
     let place = Place::new(STATION);

@@ -298,7 +298,7 @@ fn a_killed_run_is_told_at_the_next_start() {
     );
 }
 
-/// The disk is slow: the search for a run that broke off waits for a journal, here a pipe into which nobody writes. Meanwhile the
+/// The disk is slow: the search for a run that broke off waits for a journal, here a pipe without a writer. Meanwhile the
 /// screen is drawn and takes a scan.
 #[test]
 fn the_search_for_a_broken_run_delays_no_picture() {
@@ -318,7 +318,7 @@ fn the_search_for_a_broken_run_delays_no_picture() {
     let path = pipe.clone();
     thread::spawn(move || tell.send(fs::OpenOptions::new().write(true).open(path)));
     let writer = opened.recv_timeout(Duration::from_secs(60)).expect("the search does not read the newest run");
-    // Whoever opens it from now on finds nothing, and whoever reads it comes to its end.
+    // From now on it cannot be opened any more, and the search that reads it comes to its end.
     fs::remove_file(&pipe).expect("a pipe");
     drop(writer);
     terminal.types(F5);

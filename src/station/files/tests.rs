@@ -34,7 +34,7 @@ fn a_picture_is_held_by_its_digest() {
     assert_eq!(changed_plan(&path, &held), [ChangedFile { name, unreadable }]);
 }
 
-/// A picture that nobody can look at refuses the plan; a pipe or a device in its place blocks nothing.
+/// A plan is refused if its picture cannot be shown; a pipe or a device in its place blocks nothing.
 #[test]
 fn a_picture_that_cannot_be_shown_refuses_the_plan() {
     let (folder, path, lid) = folder();

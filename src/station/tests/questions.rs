@@ -186,7 +186,7 @@ fn a_person_answers_and_the_record_has_it() {
     );
 }
 
-/// A limit that is the number of the module is asked with that number, since nobody can compare with a placeholder.
+/// A limit that is the number of the module is asked with that number, since a person cannot compare with a placeholder.
 #[test]
 fn the_number_of_the_module_stands_in_the_question() {
     let limits = "[item.limits]\n";

@@ -184,7 +184,7 @@ const LISTS: &[KeyContext] = &[
     KeyContext::Setup,
     KeyContext::Help,
 ];
-/// Wherever the operator may be while a run is on: nobody looks for the page first when the module must lose its power. The
+/// Every place while a run is on: a module that must lose its power does not wait until the operator has found the page. The
 /// form, and the questions before a start, are open only while nothing runs.
 const RUN: &[KeyContext] = &[
     KeyContext::Running,

@@ -108,7 +108,7 @@ pub(crate) struct ScreenModel {
     pub plan: Loaded<PlanView>,
     pub plan_path: String,
     pub operator: String,
-    /// The name is that of the last run, and nobody has said that the same person is here.
+    /// The name is that of the last run; whether the same person is here is not confirmed.
     pub operator_remembered: bool,
     /// The part that modules must be, and its revision; empty: any.
     pub part: [String; 2],

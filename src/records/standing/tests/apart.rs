@@ -125,10 +125,10 @@ fn in_exchange() -> Value {
     json!({ "scanned": "SN-1", "found": "SN-9", "exchanged": true })
 }
 
-/// What somebody does to the folder of a run.
+/// A change to the folder of a run.
 type Damage = Box<dyn Fn(&Path)>;
 
-/// Whatever somebody does to its record, the journal still names the module that was scanned.
+/// The record is changed in any way: the journal still names the module that was scanned.
 #[test]
 fn no_damage_to_the_record_of_an_exchange_gives_the_pass_back() {
     let other_plan = serde_json::to_value(plan_info("burn-in", DIGEST)).expect("JSON");
@@ -167,8 +167,8 @@ fn no_damage_to_the_record_of_an_exchange_gives_the_pass_back() {
     }
 }
 
-/// What the journal proves to be of another module, or of a module that never was in the socket, blocks nobody. Neither does a
-/// run of which nothing can be read: `records verify` tells of it.
+/// What the journal proves to be of another module, or of a module that never was in the socket, blocks no other module.
+/// Neither does a run of which nothing can be read: `records verify` tells of it.
 #[test]
 fn a_damaged_run_apart_blocks_only_the_module_that_its_journal_names() {
     let damages: [(&str, Value, Damage); 4] = [

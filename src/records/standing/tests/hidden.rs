@@ -96,7 +96,7 @@ fn no_number_of_later_runs_hides_a_failure() {
     let standing = shelf.standing_at(LATER);
     assert!(!standing.passes_beyond_doubt(), "{standing}");
     assert!(standing.to_string().ends_with("; then functional 2026-11-28 14:31: record is missing"), "{standing}");
-    // Runs that the chain does not name as well: the power failed, or somebody took their lines away.
+    // Runs that the chain does not name as well: the power failed, or their lines were taken away.
     let shelf = Shelf::new();
     shelf.run("functional", ENDED);
     shelf.open("functional", "2026-11-28T14:31:05+08:00", failed_item);

@@ -45,7 +45,7 @@ pub(crate) struct BenchView {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct UsualOperator {
     pub name: String,
-    /// The name is that of the last run, and the bench file names nobody.
+    /// The name is that of the last run; the bench file names no operator.
     pub remembered: bool,
 }
 

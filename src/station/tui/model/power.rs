@@ -17,7 +17,7 @@ pub(crate) enum PowerSeen {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PowerKnown {
     Known,
-    /// Nothing is on, and nobody has seen the module go off.
+    /// Nothing is on, and no board has confirmed that the module is off.
     Unknown,
     /// The line was lost in the run that is on, and the station asks for the board again.
     LineLost,

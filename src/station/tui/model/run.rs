@@ -109,8 +109,8 @@ impl RunView {
         }
     }
 
-    /// Whether the run ended while the module was under power: its board switches it off by itself, and nobody has
-    /// seen it.
+    /// Whether the run ended while the module was under power: its board switches it off by itself, and has
+    /// not confirmed it.
     pub(crate) fn power_unknown(&self) -> bool {
         self.over && self.state.power().is_some_and(|power| power.on)
     }

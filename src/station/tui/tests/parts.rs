@@ -129,7 +129,7 @@ fn a_revision_without_a_part_is_refused() {
     }
 }
 
-/// Whoever starts a run in another way is refused, too.
+/// The command line refuses it, too.
 #[test]
 fn a_revision_without_a_part_starts_nothing() {
     let refused = crate::args::asked_part(None, Some("C")).expect_err("it has no part");

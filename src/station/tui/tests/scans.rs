@@ -216,7 +216,7 @@ fn numbers_that_do_not_fit_are_told() {
         assert_eq!(scene.key(Key::F(5)), None);
         assert!(scene.text().contains("it must fit"), "{}", scene.text());
     }
-    // A code of several fields holds the number that fits: GS1 and ISO/IEC 15434. Without a pattern nobody knows.
+    // A code of several fields holds the number that fits: GS1 and ISO/IEC 15434. Without a pattern the number is unknown.
     let gs1 = "]C1010345312000001121SN-0001\u{1d}10ABCD1234\r";
     for (scan, taken) in [
         (gs1, true),

@@ -260,7 +260,7 @@ fn a_stop_that_loses_captures_is_asked_about() {
     repeating.repeats = 3;
     let rounds = ProgramView::of(&repeating).expect("a program");
     assert_eq!((item.repeats, rounds.anew_s), (1, 3.0 * check.anew_s));
-    // Whoever leaves is told in the question that is asked anyway.
+    // The question before leaving tells of the loss.
     let mut scene = in_the_hour(3000.0);
     scene.key(Key::F(10));
     assert!(scene.text().contains("Captures of 50 min"), "{}", scene.text());
@@ -306,7 +306,7 @@ fn the_end_of_an_item_that_loses_captures_is_asked_about() {
     scene.event(EventKind::ItemEnded { item: item(), outcome: Outcome::Failed, cause: None });
     assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (None, 0));
     assert_eq!((scene.key(Key::F(7)), scene.model.over.len()), (None, 0), "it does not run");
-    // Events were lost, so that nobody knows which attempt runs.
+    // Events were lost, so the attempt that runs is unknown.
     let (mut scene, _) = ask(601.0);
     scene.event(ended(7));
     assert_eq!(scene.model.over.len(), 0, "{}", scene.text());

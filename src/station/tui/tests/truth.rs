@@ -523,7 +523,7 @@ fn an_operator_who_was_only_remembered_is_marked() {
         scene.model.say(MessageWeight::Info, "F5 resumes 101010-functional");
         scene.tell(Msg::Bench { path: "sim:good".into(), bench: Loaded::Ready(bench) });
         assert!(shows(&mut scene, "F5 resumes") && shows(&mut scene, &marked), "{lang:?}: {}", scene.text());
-        // Whoever has looked at the form has seen it.
+        // The operator has seen it on the form.
         scene.key(Key::F(2));
         scene.key(Key::Enter);
         assert!(!shows(&mut scene, &marked), "{lang:?}: {}", scene.text());

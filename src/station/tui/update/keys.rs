@@ -16,7 +16,7 @@ use crate::tui::setup_form::{Form, FormNumber, MAX_ROUNDS};
 
 /// Lines that a page key moves.
 const PAGE_LINES: isize = 10;
-/// A key this soon after its question has gone is still the answer to it: nobody reads what comes instead so fast.
+/// A key this soon after its question has gone is still the answer to it: a person does not read so fast what comes instead.
 const FINGER_FALLS: Duration = Duration::from_millis(1500);
 
 pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
@@ -358,7 +358,7 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
     model.rounds = rounds;
     model.after_failure = form.after_failure;
     form.operator.text().trim().clone_into(&mut model.operator);
-    // Whoever has looked at the form has seen the name.
+    // The operator has seen the name on the form.
     model.operator_remembered = false;
     set_language(model, form.lang);
     let (plan, bench) = (form.plan.text().trim().to_owned(), form.bench.text().trim().to_owned());

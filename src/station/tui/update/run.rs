@@ -155,7 +155,7 @@ pub(super) fn over(
             let first = why.lines().next().unwrap_or_default();
             Some(words(texts.run_refused, &[&in_language(first, lang)]))
         }
-        // That the record could not be written has a place of its own, where it stays; so has a power that nobody knows.
+        // That the record could not be written has a place of its own, where it stays; so has an unknown power.
         (_, None) => None,
     };
     let recorded = verdict.is_some() || !run.ends.is_empty();

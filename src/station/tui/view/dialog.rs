@@ -22,7 +22,7 @@ use crate::tui::session::pictures::MAX_MEGAPIXELS;
 const MAX_FILES: usize = 6;
 /// Width of a question.
 const WIDTH: u16 = 66;
-/// Least rows of a picture: in fewer nobody finds a test point.
+/// Least rows of a picture: in fewer a test point cannot be found.
 const MIN_PICTURE_ROWS: u16 = 6;
 /// Most rows of a picture: at the width of a question a photograph is no higher.
 const MAX_PICTURE_ROWS: u16 = 24;

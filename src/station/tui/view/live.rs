@@ -87,7 +87,7 @@ fn title(model: &ScreenModel) -> String {
     let what = match (model.watching, model.is_running()) {
         (true, _) => format!("{}{number}: {}", texts.watching, texts.no_verdict),
         (false, true) => texts.live.to_owned(),
-        // The module is off, or nobody knows: these values are not of now.
+        // The module is off, or its power is unknown: these values are not of now.
         (false, false) => format!("{}{number}", texts.last_values),
     };
     if age > FRESH { format!("{what} · {}", fill(texts.seconds_ago, &[&age.as_secs().to_string()])) } else { what }

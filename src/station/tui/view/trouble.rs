@@ -1,4 +1,4 @@
-//! What is wrong and stays so, above the message: a record that cannot be written, a module whose power nobody knows, and why
+//! What is wrong and stays so, above the message: a record that cannot be written, a module whose power is unknown, and why
 //! the run has no verdict of its module. A message goes when the next one comes; these lines stay as long as it is so.
 
 use gnc_executive::event::NoteLevel;
