@@ -201,3 +201,14 @@ fn names_and_answers_stay_as_they_are() {
     assert_eq!(zh("only 4 items failed 2026-11-30 14:30"), "仅 4 个项目 不合格 2026-11-30 14:30");
     assert_eq!(zh("answered: board: failed"), "回答：board: failed");
 }
+
+/// Chinese has signs of its own behind its characters.
+#[test]
+fn chinese_sentences_have_chinese_signs() {
+    let is_chinese = |character: &char| matches!(character, '\u{4e00}'..='\u{9fff}');
+    for sentence in all() {
+        let pairs = sentence.zh.chars().zip(sentence.zh.chars().skip(1));
+        let wrong = pairs.filter(|(before, sign)| is_chinese(before) && ",;:?!".contains(*sign)).count();
+        assert_eq!(wrong, 0, "{:?}: {}", sentence.id, sentence.zh);
+    }
+}

@@ -40,7 +40,7 @@ pub(super) static TEXTS: Texts = Texts {
     board: "测试板",
     no_board_yet: "尚未联系",
     no_board_answer: "无应答",
-    danger_powered: "危险:产品仍带电",
+    danger_powered: "危险：产品仍带电",
     board_breaks: "不符接口文档",
     module_on: "模块已上电",
     module_off: "模块已断电",

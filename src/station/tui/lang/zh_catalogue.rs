@@ -98,7 +98,7 @@ const SENTENCES: &[(&str, &str)] = &[
     ("Cells influence each other or lose their state: suspect the memory itself, then its timing and supply.",
      "单元互相影响或丢失状态：先怀疑存储器本身，再查其时序和电源。"),
     ("The mismatches have this in common: look at it first, then at the patterns one by one.",
-        "所有不符的共同点:先查这里,再逐个查各测试图形。"),
+        "所有不符的共同点：先查这里，再逐个查各测试图形。"),
     ("The test did not cover the whole memory: compare the board's memory map with the plan.",
      "测试未覆盖全部存储器：将测试板的内存映射与方案比较。"),
     ("The memory answers slowly: check its clock and its wait states.",
