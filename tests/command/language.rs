@@ -42,6 +42,11 @@ fn found(locale: &str, args: &[&str]) -> String {
     String::from_utf8(out.stdout).expect("UTF-8")
 }
 
+/// The text without figures: the clock goes on between two looks, and the disk fills.
+fn without_figures(text: &str) -> String {
+    text.chars().filter(|character| !character.is_ascii_digit()).collect()
+}
+
 /// Standard output has the language of the locale where a person reads it, and none where a program does.
 #[test]
 fn findings_are_in_the_language_of_the_locale() {
@@ -62,7 +67,7 @@ fn findings_are_in_the_language_of_the_locale() {
             assert!(english.lines().count() == other.lines().count(), "{english}{other}");
             assert!(other.chars().any(|c| of_it.contains(&c)), "{locale}: {other}");
             // A terminal that cannot show the language gets English.
-            assert_eq!(found("zh_CN.GB18030", args), english);
+            assert_eq!(without_figures(&found("zh_CN.GB18030", args)), without_figures(&english));
         }
         let json = [stability, &["--json"]].concat();
         assert_eq!(found(locale, &json), found("C", &json), "programs read the same in every language");
