@@ -18,6 +18,8 @@ use nix::unistd::Pid;
 
 /// Longest time of a whole test. A busy machine is slow, but a good test never waits for this.
 const DEADLINE: Duration = Duration::from_secs(120);
+/// Time between two keys of a fast hand.
+const HAND: Duration = Duration::from_millis(80);
 
 /// Counts how often the terminal rings.
 #[derive(Debug, Default)]
@@ -97,8 +99,13 @@ impl Terminal {
         }
     }
 
-    /// Types bytes and reads output meanwhile, as a terminal does.
+    /// Types bytes and reads output meanwhile, as a terminal does. They come at the pace of a hand behind what was typed
+    /// before: keys that come closer belong to a scan, and the station takes them for its frame.
     pub(crate) fn types(&mut self, bytes: &[u8]) {
+        let due = Instant::now() + HAND;
+        while let Some(left) = due.checked_duration_since(Instant::now()).filter(|left| !left.is_zero()) {
+            self.read_for(left);
+        }
         let mut rest = bytes;
         while !rest.is_empty() {
             let written = self.master.as_ref().expect("a terminal").write(rest);
