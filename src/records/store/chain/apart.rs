@@ -5,8 +5,9 @@ use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use super::CHAIN;
 use super::entry::ChainEntry;
-use super::{CHAIN, chain_of};
+use super::read::chain_of;
 use crate::store::{StoreError, reader};
 
 /// Bytes at the end of a chain that hold its last line: a name of a run has less than 300 bytes, and four digests 300 more.

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::{chain_of, name_in};
+use super::read::{chain_of, name_in};
 use crate::store::reader::when;
 
 /// The runs in the order in which they were closed, the first one first. A run that no chain names has the place of its folder:

@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::entry::ChainEntry;
 use super::*;
+use crate::store::{DIGESTS, digest};
 
 /// A folder of records with so many closed runs, alternately on two days.
 fn records(runs: usize) -> (tempfile::TempDir, Vec<PathBuf>) {

@@ -1,0 +1,171 @@
+//! Reads with guards.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read as _};
+use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
+use std::path::{Component, Path};
+
+use nix::fcntl::{OFlag, openat};
+use nix::sys::stat::Mode;
+
+/// Why a file is refused before its content counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Refused {
+    /// A pipe would wait for its writer.
+    #[error("it is a pipe, not a file")]
+    Pipe,
+    /// A device has no end.
+    #[error("it is a device, not a file")]
+    Device,
+    /// A socket of another program.
+    #[error("it is a socket, not a file")]
+    Socket,
+    /// A folder.
+    #[error("it is a folder, not a file")]
+    Folder,
+    /// The file, or a folder on the way to it, is a link, which may lead anywhere.
+    #[error("it is a link, or lies behind one")]
+    Link,
+    /// The path leaves the folder below which it must stay.
+    #[error("its path leads out of its folder")]
+    Outside,
+    /// There are more bytes than such a file can have.
+    #[error("it has more than {limit} bytes")]
+    TooLong {
+        /// The bound.
+        limit: u64,
+    },
+}
+
+impl Refused {
+    fn kind(self) -> io::ErrorKind {
+        match self {
+            Self::Folder => io::ErrorKind::IsADirectory,
+            Self::TooLong { .. } => io::ErrorKind::FileTooLarge,
+            Self::Pipe | Self::Device | Self::Socket | Self::Link | Self::Outside => io::ErrorKind::InvalidInput,
+        }
+    }
+}
+
+impl From<Refused> for io::Error {
+    fn from(refused: Refused) -> Self {
+        Self::new(refused.kind(), refused)
+    }
+}
+
+/// The guard that refused a file, if an error is of one.
+#[must_use]
+pub fn is_refused(error: &io::Error) -> Option<Refused> {
+    error.get_ref()?.downcast_ref::<Refused>().copied()
+}
+
+/// Opens a regular file for reading. Links are followed: the path is that of a person who chose it. It never waits for the
+/// other end of a pipe.
+///
+/// # Errors
+/// The error of the system; [`Refused`] within it for what is not a regular file.
+pub fn open(path: &Path) -> io::Result<File> {
+    let opened = OpenOptions::new().read(true).custom_flags((OFlag::O_NONBLOCK | OFlag::O_NOCTTY).bits()).open(path);
+    // A socket cannot be opened at all.
+    regular(opened.map_err(|error| match path.metadata() {
+        Ok(meta) if meta.file_type().is_socket() => Refused::Socket.into(),
+        _ => error,
+    })?)
+}
+
+/// Opens a regular file below a root for reading. Neither the file nor a folder between is a link; the root may be one.
+///
+/// # Errors
+/// As [`open`].
+pub fn below(root: &Path, path: &Path) -> io::Result<File> {
+    let mut names = Vec::new();
+    for part in path.components() {
+        match part {
+            Component::Normal(name) => names.push(name),
+            Component::CurDir => {}
+            Component::ParentDir | Component::RootDir | Component::Prefix(_) => return Err(Refused::Outside.into()),
+        }
+    }
+    let Some((file, folders)) = names.split_last() else { return Err(Refused::Folder.into()) };
+    let enter = OFlag::O_PATH | OFlag::O_DIRECTORY | OFlag::O_NOFOLLOW | OFlag::O_CLOEXEC;
+    let mut at: File =
+        OpenOptions::new().read(true).custom_flags((OFlag::O_PATH | OFlag::O_DIRECTORY).bits()).open(root)?;
+    for folder in folders {
+        let entered = openat(&at, *folder, enter, Mode::empty());
+        at = entered.map_err(|error| at_link(&at, folder, error.into()))?.into();
+    }
+    let flags = OFlag::O_RDONLY | OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK | OFlag::O_NOCTTY | OFlag::O_CLOEXEC;
+    let opened = openat(&at, *file, flags, Mode::empty());
+    regular(opened.map_err(|error| at_link(&at, file, error.into()))?.into())
+}
+
+/// The error of an entry that could not be opened: a link in its place, or what the system said.
+fn at_link(folder: &File, name: &std::ffi::OsStr, error: io::Error) -> io::Error {
+    use nix::sys::stat::{SFlag, fstatat};
+    let meta = fstatat(folder, name, nix::fcntl::AtFlags::AT_SYMLINK_NOFOLLOW);
+    match meta.map(|meta| SFlag::from_bits_truncate(meta.st_mode) & SFlag::S_IFMT) {
+        Ok(SFlag::S_IFLNK) => Refused::Link.into(),
+        Ok(SFlag::S_IFSOCK) => Refused::Socket.into(),
+        _ => error,
+    }
+}
+
+/// The file, if it is a regular one.
+fn regular(file: File) -> io::Result<File> {
+    let kind = file.metadata()?.file_type();
+    Err(io::Error::from(if kind.is_file() {
+        return Ok(file);
+    } else if kind.is_dir() {
+        Refused::Folder
+    } else if kind.is_fifo() {
+        Refused::Pipe
+    } else if kind.is_socket() {
+        Refused::Socket
+    } else {
+        Refused::Device
+    }))
+}
+
+/// Reads a regular file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`open`]; [`Refused::TooLong`].
+pub fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    whole(open(path)?, limit)
+}
+
+/// Reads a regular file of at most `limit` bytes below a root, as [`below`] opens it.
+///
+/// # Errors
+/// As [`below`]; [`Refused::TooLong`].
+pub fn read_below(root: &Path, path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    whole(below(root, path)?, limit)
+}
+
+/// Reads at most the first `limit` bytes of a regular file.
+///
+/// # Errors
+/// As [`open`].
+pub fn read_beginning(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(path)?.take(limit).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Reads a regular file of at most `limit` bytes as text.
+///
+/// # Errors
+/// As [`read`]; the text is not UTF-8.
+pub fn text(path: &Path, limit: u64) -> io::Result<String> {
+    let bytes = read(path, limit)?;
+    String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
+}
+
+fn whole(file: File, limit: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit { Err(Refused::TooLong { limit }.into()) } else { Ok(bytes) }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,68 @@
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::os::unix::net::UnixListener;
+
+use super::*;
+
+fn why<T>(result: io::Result<T>) -> Option<Refused> {
+    result.err().as_ref().and_then(is_refused)
+}
+
+/// What is not a regular file is refused at once: the test would wait for ever at the pipe.
+#[test]
+fn only_regular_files_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    nix::unistd::mkfifo(&at("pipe"), Mode::S_IRWXU).unwrap();
+    let _socket = UnixListener::bind(at("socket")).unwrap();
+    fs::create_dir(at("folder")).unwrap();
+    fs::write(at("file"), "content").unwrap();
+    symlink("file", at("link")).unwrap();
+    symlink("/dev/zero", at("zeros")).unwrap();
+    assert_eq!(why(read(&at("pipe"), 9)), Some(Refused::Pipe));
+    assert_eq!(why(read(&at("socket"), 9)), Some(Refused::Socket));
+    assert_eq!(why(read(&at("folder"), 9)), Some(Refused::Folder));
+    assert_eq!(why(read(&at("zeros"), 9)), Some(Refused::Device));
+    assert_eq!(read(&at("link"), 9).unwrap(), b"content", "a path that a person chose may be a link");
+    assert_eq!(read(&at("none"), 9).unwrap_err().kind(), io::ErrorKind::NotFound);
+}
+
+/// A device of the kernel claims no size and has no end; a file of `/proc` claims no size and has an end.
+#[test]
+fn bytes_count_and_not_the_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("file");
+    fs::write(&path, [7; 100]).unwrap();
+    assert_eq!(read(&path, 100).unwrap().len(), 100);
+    assert_eq!(why(read(&path, 99)), Some(Refused::TooLong { limit: 99 }));
+    assert_eq!(read_beginning(&path, 9).unwrap(), [7; 9]);
+    let own = Path::new("/proc/self/status");
+    assert_eq!(own.metadata().unwrap().len(), 0);
+    assert_eq!(why(read(own, 20)), Some(Refused::TooLong { limit: 20 }));
+}
+
+#[test]
+fn below_a_root_no_link_is_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("root");
+    fs::create_dir_all(root.join("day/run")).unwrap();
+    fs::write(folder.path().join("outside"), "outside").unwrap();
+    fs::write(root.join("day/run/file"), "inside").unwrap();
+    symlink("day", root.join("other")).unwrap();
+    symlink("file", root.join("day/run/link")).unwrap();
+    symlink("../../../outside", root.join("day/run/out")).unwrap();
+    symlink("root", folder.path().join("chosen")).unwrap();
+    nix::unistd::mkfifo(&root.join("pipe"), Mode::S_IRWXU).unwrap();
+    let read = |path: &str| read_below(&root, Path::new(path), 99);
+    assert_eq!(read("day/run/file").unwrap(), b"inside");
+    assert_eq!(read_below(&folder.path().join("chosen"), Path::new("day/run/file"), 99).unwrap(), b"inside");
+    assert_eq!(why(read("other/run/file")), Some(Refused::Link));
+    assert_eq!(why(read("day/run/link")), Some(Refused::Link));
+    assert_eq!(why(read("day/run/out")), Some(Refused::Link));
+    assert_eq!(why(read("../outside")), Some(Refused::Outside));
+    assert_eq!(why(read("/etc/hostname")), Some(Refused::Outside));
+    assert_eq!(why(read("day/run")), Some(Refused::Folder));
+    assert_eq!(why(read("pipe")), Some(Refused::Pipe));
+    assert_eq!(read("day/none/file").unwrap_err().kind(), io::ErrorKind::NotFound);
+    assert_eq!(why(read_below(&root, Path::new("day/run/file"), 5)), Some(Refused::TooLong { limit: 5 }));
+}

@@ -1,0 +1,131 @@
+//! Files that are either complete or absent.
+
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::{Path, PathBuf};
+
+use nix::fcntl::OFlag;
+
+/// Name ending of a file that is not completely written.
+pub const PART: &str = "part";
+
+/// A file that is being written beside its place, under its name with `.part`. It is removed if it is dropped before it is
+/// in its place.
+#[derive(Debug)]
+pub struct Part {
+    file: File,
+    part: PathBuf,
+    path: PathBuf,
+    is_placed: bool,
+}
+
+impl Part {
+    /// Makes the file. What an earlier writer left under the part's name is removed, if it is a file or a link; the link's
+    /// target stays as it is.
+    ///
+    /// # Errors
+    /// The error of the system. A folder in the way is an error.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let mut part: OsString = path.as_os_str().to_owned();
+        part.push(format!(".{PART}"));
+        let part = PathBuf::from(part);
+        let create = || {
+            let mut options = OpenOptions::new();
+            options.write(true).create_new(true).custom_flags(OFlag::O_NOFOLLOW.bits()).open(&part)
+        };
+        let file = match create() {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                fs::remove_file(&part)?;
+                create()?
+            }
+            created => created?,
+        };
+        Ok(Self { file, part, path: path.to_owned(), is_placed: false })
+    }
+
+    /// The path under which the file is while it is written.
+    #[must_use]
+    pub fn written_to(&self) -> &Path {
+        &self.part
+    }
+
+    /// Waits until the content is on disk.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub fn sync(&self) -> io::Result<()> {
+        self.file.sync_all()
+    }
+
+    /// Gives the file its name. What has the name is replaced; a link there is replaced, too, and not followed.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub fn place(mut self) -> io::Result<()> {
+        fs::rename(&self.part, &self.path)?;
+        self.is_placed = true;
+        Ok(())
+    }
+}
+
+impl Write for Part {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        if !self.is_placed {
+            // On a full disk the part would be in the way. The reported error is that of the write.
+            let _ = fs::remove_file(&self.part);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    #[test]
+    fn a_file_is_complete_or_absent() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let mut part = Part::create(&path).unwrap();
+        part.write_all(b"half").unwrap();
+        assert!(!path.exists() && part.written_to().exists());
+        drop(part);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        fs::write(folder.path().join("file.part"), "of one that was killed").unwrap();
+        let mut part = Part::create(&path).unwrap();
+        part.write_all(b"whole").unwrap();
+        part.sync().unwrap();
+        part.place().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"whole");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn nothing_is_written_behind_a_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, victim) = (folder.path().join("file"), folder.path().join("victim"));
+        fs::write(&victim, "untouched").unwrap();
+        symlink("victim", folder.path().join("file.part")).unwrap();
+        symlink("victim", &path).unwrap();
+        let mut part = Part::create(&path).unwrap();
+        part.write_all(b"new").unwrap();
+        part.place().unwrap();
+        assert_eq!(fs::read(&victim).unwrap(), b"untouched");
+        assert!(!path.symlink_metadata().unwrap().is_symlink());
+        fs::create_dir(folder.path().join("file.part")).unwrap();
+        assert!(Part::create(&path).is_err(), "a folder in the way is the error of its place");
+    }
+}

@@ -1,0 +1,127 @@
+//! What the chain says of single runs.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use super::entry::{ChainEntry, LateClose};
+use super::read::{chain_of, chains, counter, name_in};
+use super::{CHAIN, COUNTER};
+use crate::store::{DIGESTS, StoreError, digest, on};
+
+/// The closed runs of a day, to look them up.
+#[derive(Debug, Default)]
+pub(crate) struct DayLinks(HashMap<String, RunLink>);
+
+/// What the chain says of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct RunLink {
+    /// Its place in the order in which runs were closed.
+    pub(crate) number: u64,
+    /// Digest of its list of digests.
+    pub(crate) digest: String,
+    /// Whether its line is as it was written, and the next line of the day follows from it.
+    pub(crate) is_sound: bool,
+    /// When and by what the run was closed late, if it was.
+    pub(crate) late: Option<LateClose>,
+}
+
+impl DayLinks {
+    /// A run by its name in the chain.
+    pub(crate) fn find(&self, run: &str) -> Option<&RunLink> {
+        self.0.get(run)
+    }
+
+    /// Number and name of the closed runs in the folder of a module.
+    pub(crate) fn of_module<'a>(&'a self, folder: &'a str) -> impl Iterator<Item = (u64, &'a str)> {
+        let runs = self.0.iter().filter(move |(run, _)| run.split('/').nth(1) == Some(folder));
+        runs.map(|(run, link)| (link.number, run.as_str()))
+    }
+}
+
+/// The chain of a day. It is empty if the day has none. Links from day to day are left to [`verify`].
+pub(crate) fn of_day(records: &Path, day: &str) -> Result<DayLinks, StoreError> {
+    let Some(mut chain) = chain_of(records, day)? else { return Ok(DayLinks::default()) };
+    chain.links.sort_by_key(|link| link.number);
+    let follows = |at: usize| match (chain.links.get(at), chain.links.get(at + 1)) {
+        (Some(link), Some(next)) if next.number == link.number + 1 => next.before == link.link,
+        // A run that went on past midnight is closed in the day before, so numbers of a day may have gaps.
+        (Some(link), Some(next)) => next.number > link.number,
+        _ => true,
+    };
+    let sound: Vec<bool> = (0..chain.links.len()).map(|at| chain.links[at].is_true() && follows(at)).collect();
+    let links = chain.links.into_iter().zip(sound);
+    let links = links.map(|(link, is_sound)| {
+        let ChainEntry { number, digest, run, late, .. } = link;
+        (run, RunLink { number, digest, is_sound, late })
+    });
+    Ok(DayLinks(links.collect()))
+}
+
+/// What the chain says of one closed run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ChainStanding {
+    /// It has the run as it is now.
+    Held,
+    /// It has the run with other digests, or its own line was changed.
+    Other,
+    /// It has the run as it is now, and the run was closed late.
+    Late,
+    /// It does not have the run.
+    Missing,
+    /// These records have no chain: a version before it made them.
+    NoChain,
+}
+
+/// Looks a closed run up in the chain.
+///
+/// # Errors
+/// A file cannot be read.
+pub fn standing(run: &Path) -> Result<ChainStanding, StoreError> {
+    let run = &on(std::path::absolute(run), "find", run)?;
+    let mut above = run.ancestors().skip(2);
+    let (Some(day), Some(records)) = (above.next(), above.next()) else { return Ok(ChainStanding::NoChain) };
+    if !day.join(CHAIN).exists() {
+        let counted = records.join(COUNTER).exists();
+        return Ok(if counted { ChainStanding::Missing } else { ChainStanding::NoChain });
+    }
+    let name = name_in(records, run);
+    let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.links).collect();
+    let Some(link) = links.iter().find(|link| link.run == name) else { return Ok(ChainStanding::Missing) };
+    // A line that was written anew with all that it says does not fit the next line, or the counter.
+    let follows = match links.iter().find(|next| next.number == link.number + 1) {
+        Some(next) => next.before == link.link,
+        None => counter(records)?.is_none_or(|(number, last)| number != link.number || last == link.link),
+    };
+    let is_same = digest::of_file(&run.join(DIGESTS))? == link.digest;
+    let is_held = is_same && link.is_true() && follows;
+    Ok(match (is_held, &link.late) {
+        (true, Some(_)) => ChainStanding::Late,
+        (true, None) => ChainStanding::Held,
+        (false, _) => ChainStanding::Other,
+    })
+}
+
+/// Tells which runs were closed late. It remembers the day of the run that was asked for last: ask in the order of days.
+#[derive(Debug, Default)]
+pub struct LateCloses {
+    day: Option<(PathBuf, DayLinks)>,
+}
+
+impl LateCloses {
+    /// When and by what a run was closed late; `None` if it was not.
+    ///
+    /// # Errors
+    /// The chain of its day cannot be read.
+    pub fn of(&mut self, run: &Path) -> Result<Option<LateClose>, StoreError> {
+        let run = &on(std::path::absolute(run), "find", run)?;
+        let mut above = run.ancestors().skip(2);
+        let (Some(day), Some(records)) = (above.next(), above.next()) else { return Ok(None) };
+        let links = match self.day.take().filter(|(known, _)| known == day) {
+            Some((_, links)) => links,
+            None => of_day(records, &day.strip_prefix(records).unwrap_or(day).to_string_lossy())?,
+        };
+        let late = links.find(&name_in(records, run)).and_then(|link| link.late.clone());
+        self.day = Some((day.to_owned(), links));
+        Ok(late)
+    }
+}
