@@ -258,7 +258,7 @@ fn runs(tree: &Tree) -> Vec<&PathBuf> {
 }
 
 /// Writes the digests of each run anew, as if the files had always been so.
-fn sums_anew(records: &Path) -> io::Result<()> {
+pub(crate) fn sums_anew(records: &Path) -> io::Result<()> {
     let found = tree(records)?;
     for run in runs(&found).into_iter().filter(|run| found.contains_key(&run.join("SHA256SUMS"))) {
         let of_run = found.iter().filter_map(|(path, entry)| match entry {
@@ -275,7 +275,7 @@ fn sums_anew(records: &Path) -> io::Result<()> {
 
 /// Writes all lines of the chain anew: numbers without holes, true links and digests, and a counter that fits. Lines of runs
 /// whose folder is gone are left out. Signatures stay as they are, or are left out.
-fn chain_anew(records: &Path, unsigned: bool) -> io::Result<()> {
+pub(crate) fn chain_anew(records: &Path, unsigned: bool) -> io::Result<()> {
     let found = tree(records)?;
     let mut lines: Vec<(u64, PathBuf, Vec<String>)> = Vec::new();
     for (path, entry) in &found {

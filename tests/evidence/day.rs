@@ -19,11 +19,17 @@ const RUNS: [(&str, &str, f64); 4] = [
     ("2026-11-29T08:00:00+08:00", "T-3", 0.0),
 ];
 
-/// Writes the folder.
-pub(crate) fn write(records: &Path, key: &StationKey) {
+/// Writes the folder `records` and a key beside it. Returns the path of the public key.
+pub(crate) fn write(place: &Path) -> PathBuf {
+    let records = place.join("records");
+    std::fs::create_dir(&records).expect("a folder");
+    let key_file = place.join("station.key");
+    let public = StationKey::create(&key_file).expect("a key");
+    let key = StationKey::read(&key_file).expect("a key");
     for (started, serial_number, value) in RUNS {
-        run(records, key, started, serial_number, value);
+        run(&records, &key, started, serial_number, value);
     }
+    public
 }
 
 /// Writes one run.

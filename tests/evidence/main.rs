@@ -1,48 +1,148 @@
-//! What the records prove: for every file of a closed day, any change, removal, rename, swap or insertion is found with the
-//! station's public key and the head of the chain, whatever else the attacker makes anew.
+//! What the records prove, tried as one who can write everything but the station's key.
+//!
+//! The table of docs/evidence.md is what these attacks show. Beside it, dice make other attacks: for every file of closed
+//! days, any change, removal, rename, swap or insertion is found with the public key and the newest head of the chain.
 
-#![expect(clippy::expect_used, reason = "what cannot be set up fails the test that needs it")]
+#![expect(clippy::expect_used, clippy::indexing_slicing, reason = "what cannot be set up fails the test that needs it")]
 
 mod attack;
 mod day;
+mod rows;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 use attack::{attack, plant, tree};
-use gnc_records::store::{PublicKey, StationKey, chain, reader};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use rows::ROWS;
 
+const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 /// Another seed makes other attacks.
 const SEED: u64 = 20_261_130;
 /// Attacks in a run of the tests; `EVIDENCE_ATTACKS` asks for more.
-const ATTACKS: usize = 400;
+const ATTACKS: usize = 300;
 /// Longest script: all choices of its steps.
 const SCRIPT_BYTES: usize = 48;
 
-fn found(records: &Path, key: &PublicKey) -> Vec<String> {
-    let mut problems = match chain::verify(records) {
-        Ok(checked) => checked.problems,
-        Err(error) => vec![error.to_string()],
-    };
-    for run in reader::paths(records).unwrap_or_default() {
-        problems.extend(reader::verify(&run));
-        problems.extend(reader::verify_signature(&run, key));
+/// A folder with closed runs, and what an auditor keeps elsewhere.
+struct Kept {
+    place: tempfile::TempDir,
+    public_key: PathBuf,
+    /// Number and link on the newest paper.
+    head: String,
+    /// A copy of `COUNTER` from the end of the last run.
+    counter: PathBuf,
+}
+
+impl Kept {
+    fn new() -> Self {
+        let place = tempfile::tempdir().expect("a folder");
+        let public_key = day::write(place.path());
+        let records = place.path().join("records");
+        let counter = place.path().join("COUNTER.kept");
+        std::fs::copy(records.join("COUNTER"), &counter).expect("a counter");
+        let head = std::fs::read_to_string(&counter).expect("a counter").trim_end().to_owned();
+        Self { place, public_key, head, counter }
     }
-    problems
+
+    fn records(&self) -> PathBuf {
+        self.place.path().join("records")
+    }
+
+    /// What an auditor holds against the folder, by the columns of the page.
+    fn witnesses(&self) -> [Vec<String>; 4] {
+        let path = |path: &Path| path.to_string_lossy().into_owned();
+        let newest = std::fs::read_to_string(self.records().join("2026-11-29/CHAIN")).expect("a chain");
+        let begun: Vec<&str> = newest.lines().next().expect("the line of the newest run's begin").split(' ').collect();
+        [
+            Vec::new(),
+            vec!["--counter".into(), path(&self.counter)],
+            vec!["--key".into(), path(&self.public_key)],
+            vec!["--head".into(), format!("{} {}", begun[0], begun[3])],
+        ]
+    }
+}
+
+/// What `records verify` says: whether all is as written, and its lines.
+fn verify(records: &Path, witness: &[String]) -> (bool, String) {
+    let mut command = Command::new(STATION);
+    command.args(["records", "verify", "--records"]).arg(records).args(witness);
+    command.stdin(Stdio::null()).env("NO_COLOR", "1").env("LC_ALL", "C.UTF-8");
+    command.current_dir(records.parent().expect("a place"));
+    let output = command.output().expect("the station");
+    let text = [output.stdout, output.stderr].concat();
+    let text = String::from_utf8_lossy(&text).into_owned();
+    match output.status.code() {
+        Some(0) => (true, text),
+        Some(1) => (false, text),
+        other => unreachable!("{other:?}: {text}"),
+    }
+}
+
+/// The attacked folder: a copy, since what is written is attacked many times.
+fn copied(kept: &Kept) -> (tempfile::TempDir, PathBuf) {
+    let place = tempfile::tempdir().expect("a folder");
+    let records = place.path().join("records");
+    plant(&tree(&kept.records()).expect("a tree"), &records).expect("a copy");
+    (place, records)
+}
+
+/// The table of the page, as the attacks show it, and what is said of each.
+#[test]
+fn the_page_says_what_is_found() {
+    let kept = Kept::new();
+    let witnesses = kept.witnesses();
+    for witness in &witnesses {
+        assert!(verify(&kept.records(), witness).0, "as written, {witness:?}");
+    }
+    let mut said = String::new();
+    let mut table = String::new();
+    for row in &ROWS {
+        let (place, records) = copied(&kept);
+        (row.attack)(&records);
+        let mut cells = Vec::new();
+        said.push_str(&format!("## {}\n", row.what));
+        for (witness, expected) in witnesses.iter().zip(row.found) {
+            let (is_as_written, text) = verify(&records, witness);
+            assert_eq!(is_as_written, !expected, "{}, with {witness:?}:\n{text}", row.what);
+            cells.push(if is_as_written { "no" } else { "**yes**" });
+            let option = witness.first().map_or("nothing", String::as_str);
+            let lines = text.replace(&place.path().display().to_string(), "PLACE");
+            let lines = lines.replace(&kept.place.path().display().to_string(), "KEPT");
+            said.push_str(&format!("-- {option}\n{}\n", without_links(&lines)));
+        }
+        table.push_str(&format!("| {} | {} |\n", row.what, cells.join(" | ")));
+    }
+    insta::assert_snapshot!("what_is_said", said);
+    let page = std::fs::read_to_string(gnc_tests::repository().join("docs/evidence.md")).expect("the page");
+    assert!(page.contains(&table), "docs/evidence.md does not hold what the attacks show:\n{table}");
+}
+
+/// Links and digests depend on keys, which are new in each run.
+fn without_links(text: &str) -> String {
+    let mut out = String::new();
+    let mut digits = String::new();
+    for c in text.chars().chain(['\n']) {
+        if c.is_ascii_hexdigit() {
+            digits.push(c);
+            continue;
+        }
+        out.push_str(if digits.len() >= 8 && digits.len() % 4 == 0 { "DIGITS" } else { &digits });
+        digits.clear();
+        out.push(c);
+    }
+    out.pop();
+    out
 }
 
 #[test]
 fn every_attack_without_the_key_is_found() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let key_file = folder.path().join("station.key");
-    let public = StationKey::create(&key_file).expect("a key");
-    let (key, public) = (StationKey::read(&key_file).expect("a key"), PublicKey::read(&public).expect("a key"));
-    let records = folder.path().join("records");
-    std::fs::create_dir(&records).expect("a folder");
-    day::write(&records, &key);
-    assert_eq!(found(&records, &public), Vec::<String>::new(), "as written");
-    let written = tree(&records).expect("a tree");
+    let kept = Kept::new();
+    let written = tree(&kept.records()).expect("a tree");
+    let with_all: Vec<String> =
+        vec!["--key".into(), kept.public_key.to_string_lossy().into_owned(), "--head".into(), kept.head.clone()];
+    assert!(verify(&kept.records(), &with_all).0, "as written");
 
     let attacks = std::env::var("EVIDENCE_ATTACKS").ok().and_then(|many| many.parse().ok()).unwrap_or(ATTACKS);
     println!("seed {SEED}, {attacks} attacks");
@@ -51,12 +151,10 @@ fn every_attack_without_the_key_is_found() {
     for number in 0..attacks {
         let mut script = [0; SCRIPT_BYTES];
         dice.fill_bytes(&mut script);
-        let place = tempfile::tempdir().expect("a folder");
-        let attacked = place.path().join("records");
-        plant(&written, &attacked).expect("a copy");
+        let (_place, records) = copied(&kept);
         // A step that the system refuses ends an attack; what was done until then counts.
-        let done = attack(&attacked, &script);
-        if tree(&attacked).expect("a tree") != written && found(&attacked, &public).is_empty() {
+        let done = attack(&records, &script);
+        if tree(&records).expect("a tree") != written && verify(&records, &with_all).0 {
             missed.push(format!("attack {number}: {done:?}"));
         }
     }
