@@ -13,7 +13,7 @@ use gnc_executive::text;
 use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
-use super::chain::{Before, LateClose};
+use super::chain::{Before, LateClose, Place, Scribe};
 use super::cut_off::CutOffFile;
 use super::digest::{self, FileDigests};
 use super::folder::PART;
@@ -48,14 +48,17 @@ fn is_held(file: File) -> bool {
     matches!(Flock::lock(file, FlockArg::LockSharedNonblock), Err((_, Errno::EAGAIN)))
 }
 
-/// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end. `late` marks a
-/// run that is not closed by the station that carried it out, and such a run gets no passport.
+/// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end. The mark of a late close is for a
+/// run that is not closed by the station that carried it out, and such a run gets no passport. `by` writes the line, and
+/// `began` is the place of that of the run's beginning.
 pub(super) fn close(
     folder: &RunFolder,
     record: Option<&RunRecord>,
     cut_off: &[CutOffFile],
-    late: Option<&LateClose>,
+    by: &Scribe<'_>,
+    began: Option<&Place>,
 ) -> Result<(), StoreError> {
+    let late = by.late;
     let mut sums = FileDigests::default();
     if record.is_some_and(|record| record.other_module.is_some()) {
         folder.unassign()?;
@@ -76,7 +79,7 @@ pub(super) fn close(
         folder.put_synced(SIGNATURE, |out| out.write_all(&signature))?;
     }
     folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
-    chain::append_as(folder.path(), late)
+    chain::append_as(folder.path(), by)
 }
 
 /// The run as lines for people. It also lists what the journal cannot tell: that the run is closed late, and raw files that
@@ -136,6 +139,13 @@ pub struct Sealer<'a> {
     pub key: Option<&'a StationKey>,
 }
 
+impl Sealer<'_> {
+    /// Writes lines of the chain.
+    pub(super) fn scribe(&self) -> Scribe<'_> {
+        Scribe { station: self.station, at: self.at, key: self.key, late: None }
+    }
+}
+
 /// Seals the interrupted runs, and closes late the runs of this station that ended and missed the chain. Returns a line
 /// about each.
 #[must_use]
@@ -164,7 +174,7 @@ pub fn seal_interrupted(records: &Path, sealer: &Sealer<'_>) -> Vec<String> {
     let mut lines = Vec::new();
     let mut ended = Vec::new();
     for run in unknown {
-        match put_into_chain(records, &run) {
+        match put_into_chain(records, &run, &sealer.scribe()) {
             Ok(Left::Sealed(())) => lines.push(format!(
                 "{} was interrupted while the station sealed it; the sealing is complete now",
                 name(&run)
@@ -181,7 +191,7 @@ pub fn seal_interrupted(records: &Path, sealer: &Sealer<'_>) -> Vec<String> {
         }
     }
     for run in open {
-        match seal(&run, sealer.key) {
+        match seal(&run, &sealer.scribe()) {
             Ok(Left::Sealed(what)) => lines.push(format!("{} {what}", name(&run))),
             Ok(Left::Ended) => ended.push(run),
             Ok(Left::Alone) => {}
@@ -210,7 +220,7 @@ enum Left<T> {
 
 /// Appends a sealed run to the chain if a kill came between its digests and the chain. A run that ended is not appended
 /// here: it may have been inserted later.
-fn put_into_chain(records: &Path, run: &Path) -> Result<Left<()>, StoreError> {
+fn put_into_chain(records: &Path, run: &Path, by: &Scribe<'_>) -> Result<Left<()>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
     let Some(state) = reader::fold(run).ok().filter(|state| state.header().is_some()) else { return Ok(Left::Alone) };
@@ -222,12 +232,14 @@ fn put_into_chain(records: &Path, run: &Path) -> Result<Left<()>, StoreError> {
     if !is_unknown || !reader::verify(run).is_empty() {
         return Ok(Left::Alone);
     }
-    chain::append(run)?;
+    // An earlier version wrote no line when the run began.
+    chain::begin(run, by)?;
+    chain::append_as(run, by)?;
     Ok(Left::Sealed(()))
 }
 
 /// Seals a run without an end.
-fn seal(run: &Path, key: Option<&StationKey>) -> Result<Left<String>, StoreError> {
+fn seal(run: &Path, by: &Scribe<'_>) -> Result<Left<String>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
     // Another station may have sealed it meanwhile.
@@ -237,9 +249,10 @@ fn seal(run: &Path, key: Option<&StationKey>) -> Result<Left<String>, StoreError
         return Ok(Left::Ended);
     }
     clear_away(run)?;
-    let folder = RunFolder::existing(run).signed_with(key.cloned());
+    let folder = RunFolder::existing(run).signed_with(by.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
-    close(&folder, Some(&record), &cut_off, None)?;
+    let began = chain::begin(run, by)?;
+    close(&folder, Some(&record), &cut_off, by, Some(&began))?;
     Ok(Left::Sealed(in_words(&state, &record, &cut_off)))
 }
 

@@ -79,7 +79,9 @@ impl Shelf {
 /// As the station that carried the run out closes it.
 fn close_now(run: &Path) {
     let record = RunRecord::from_state(&reader::fold(run).unwrap());
-    closing::close(&RunFolder::existing(run), record.as_ref(), &[], None).unwrap();
+    let by = Scribe { station: STATION, at: time(SEALED), key: None, late: None };
+    let began = chain::begin(run, &by).unwrap();
+    closing::close(&RunFolder::existing(run), record.as_ref(), &[], &by, Some(&began)).unwrap();
 }
 
 fn start_of(records: &Path, station: &str) -> Vec<String> {
