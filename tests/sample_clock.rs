@@ -171,7 +171,7 @@ sample_rate_error = "-1 % .. 1 %"
 /// ppm. An older station filed such times without a check.
 fn with_other_times(from: &Path, to: &Path, error_ppm: f64) {
     let record = raw::read(File::open(from).expect("a raw file")).expect("a whole raw file");
-    let mut out = RawWriter::new(File::create(to).expect("room")).expect("a head");
+    let mut out = RawWriter::new(File::create(to).expect("room"), None).expect("a head");
     for Capture { about, first_us, samples, losses, .. } in record.captures {
         let rate_hz = about.rate_hz;
         out.write(Piece::Begin { about, board_time_us: first_us }).expect("room");

@@ -66,7 +66,7 @@ fn text(text: &str) -> Vec<u8> {
 }
 
 fn written_again(record: &RawRecord) {
-    let mut writer = RawWriter::new(Cursor::new(Vec::new())).expect("a file in memory");
+    let mut writer = RawWriter::new(Cursor::new(Vec::new()), None).expect("a file in memory");
     for piece in record.captures.iter().flat_map(raw::pieces) {
         writer.write(piece).expect("a file in memory");
     }

@@ -11,10 +11,13 @@
 //! | `/gnss` | `gnc.GnssBytes` | piece of the receiver's bytes |
 //! | `/pps` | `gnc.PpsEdge` | edge of the 1PPS |
 //!
+//! A metadata record `gnc.run` before them names the run that the file is of ([`RawOrigin`]).
+//!
 //! Reading a file back gives the captures bit for bit.
 
 mod ending;
 mod mark;
+mod origin;
 mod proto;
 mod reader;
 mod sample;
@@ -22,6 +25,8 @@ mod schema;
 mod writer;
 
 pub(crate) use ending::{CutOff, Survey};
+pub use origin::RawOrigin;
+pub(crate) use reader::origin;
 pub use reader::{RawError, RawRecord, Unfinished, read};
 pub use writer::{Piece, RawWriter, pieces};
 

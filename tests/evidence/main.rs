@@ -160,3 +160,42 @@ fn every_attack_without_the_key_is_found() {
     }
     assert!(missed.is_empty(), "{} attacks were not found:\n{}", missed.len(), missed.join("\n"));
 }
+
+/// The calibration of a good module, with the name of a bad one in all of its files: today's records, not those of a
+/// version that did not name the run in its raw files.
+#[test]
+fn captures_of_a_good_module_are_not_those_of_a_bad_one() {
+    let place = gnc_tests::Place::new(STATION);
+    let item = "id = \"gyro-still\"\nparams = { dwell = \"10 s\" }\n[item.limits]\nfailed_reads = \"<= 50 %\"\n";
+    let plan = format!("name = \"small\"\nversion = \"1\"\n[[item]]\n{item}");
+    let plan = place.write("small.toml", &plan);
+    let run = place.run(["--auto", &plan.to_string_lossy(), "--sim", "--sim-speed", "max", "--serial-number", "GOOD"]);
+    assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+    let good = place.runs().remove(0);
+    let again = |run: &Path| place.run([std::ffi::OsStr::new("recompute"), run.as_os_str()]);
+    let before = again(&good);
+    assert_eq!(before.code, Some(0), "{}{}", before.stdout, before.stderr);
+
+    let records = place.path().join("records");
+    let day = good.ancestors().nth(2).expect("a day").to_owned();
+    let bad = day.join("EVIL").join(good.file_name().expect("a name"));
+    std::fs::create_dir(day.join("EVIL")).expect("a folder");
+    std::fs::rename(&good, &bad).expect("a run");
+    // In the raw samples as well: the name has as many letters.
+    for (path, entry) in tree(&records).expect("a tree") {
+        let attack::Entry::File(mut bytes) = entry else { continue };
+        for at in 0..bytes.len().saturating_sub(3) {
+            if bytes[at..].starts_with(b"GOOD") {
+                bytes[at..at + 4].copy_from_slice(b"EVIL");
+            }
+        }
+        std::fs::write(records.join(path), bytes).expect("a file");
+    }
+    attack::sums_anew(&records).expect("digests");
+    attack::chain_anew(&records, false).expect("a chain");
+    let after = again(&bad);
+    assert_eq!(after.code, Some(2), "{}{}", after.stdout, after.stderr);
+    assert!(after.stderr.contains("it is of another run: small of EVIL"), "{}", after.stderr);
+    let (is_as_written, said) = verify(&records, &[]);
+    assert!(!is_as_written && said.contains("attempt-1.mcap: it is of another run"), "{said}");
+}

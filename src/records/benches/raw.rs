@@ -47,7 +47,7 @@ fn main() {
 
     let began = Instant::now();
     let file = (|| {
-        let mut out = RawWriter::new(Cursor::new(Vec::new()))?;
+        let mut out = RawWriter::new(Cursor::new(Vec::new()), None)?;
         out.write(Piece::Begin { about, board_time_us: 0 })?;
         pieces.into_iter().try_for_each(|piece| out.write(piece))?;
         let losses = Losses { received: SAMPLES, ..Losses::default() };

@@ -75,6 +75,8 @@ pub(crate) struct Survey {
     unindexed: BTreeMap<u16, Vec<MessageIndexEntry>>,
     /// Places of the indexes of the last chunk that were read.
     indexes: BTreeMap<u16, u64>,
+    /// Metadata records that stay.
+    metadata: Vec<MetadataIndex>,
     past_data: bool,
 }
 
@@ -121,6 +123,7 @@ impl Survey {
             chunks: Vec::new(),
             unindexed: BTreeMap::new(),
             indexes: BTreeMap::new(),
+            metadata: Vec::new(),
             past_data: false,
         };
         survey.here.pass(MAGIC);
@@ -165,6 +168,7 @@ impl Survey {
         let note = was.record(kept_bytes);
         let offset = out.put(op::METADATA, &note)?;
         let note = MetadataIndex { offset, length: out.at.bytes - offset, name: note.name };
+        let metadata: Vec<MetadataIndex> = self.metadata.into_iter().chain([note]).collect();
         let data_section_crc = out.at.sum.clone().finalize();
         out.put(op::DATA_END, &DataEnd { data_section_crc })?;
 
@@ -177,7 +181,7 @@ impl Survey {
             schema_count: u16::try_from(self.schemas.len()).unwrap_or(u16::MAX),
             channel_count: u32::try_from(self.channels.len()).unwrap_or(u32::MAX),
             attachment_count: 0,
-            metadata_count: 1,
+            metadata_count: u32::try_from(metadata.len()).unwrap_or(u32::MAX),
             chunk_count: u32::try_from(self.chunks.len()).unwrap_or(u32::MAX),
             message_start_time,
             message_end_time,
@@ -188,7 +192,7 @@ impl Survey {
             out.group(op::CHANNEL, self.channels.values(), |out, channel| out.put_data(op::CHANNEL, channel))?,
             out.group(op::STATISTICS, [&statistics], |out, one| out.put(op::STATISTICS, one))?,
             out.group(op::CHUNK_INDEX, &self.chunks, |out, chunk| out.put(op::CHUNK_INDEX, chunk))?,
-            out.group(op::METADATA_INDEX, [&note], |out, note| out.put(op::METADATA_INDEX, note))?,
+            out.group(op::METADATA_INDEX, &metadata, |out, note| out.put(op::METADATA_INDEX, note))?,
         ];
         let summary_offset_start = out.at.bytes;
         for group in groups.iter().filter(|group| group.group_length > 0) {
@@ -226,6 +230,12 @@ impl Survey {
             op::MESSAGE_INDEX => {
                 let Record::MessageIndex(index) = self.parsed(opcode, data)? else { return Ok(()) };
                 return self.indexed(at, &index);
+            }
+            op::METADATA => {
+                if let Record::Metadata(metadata) = self.parsed(opcode, data)? {
+                    let length = self.here.bytes - at;
+                    self.metadata.push(MetadataIndex { offset: at, length, name: metadata.name });
+                }
             }
             // A zero is not a record: the system reserved the place and did not write it.
             0 => return Err(self.damaged(McapError::UnexpectedEof)),

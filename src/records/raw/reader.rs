@@ -13,6 +13,7 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use super::Topic;
 use super::ending::CutOff;
 use super::mark::RawMark;
+use super::origin::RawOrigin;
 use super::sample::{get_bytes, get_compensated, get_edge, get_sample};
 
 /// Longest record, packed or unpacked: the writer ends its chunks at 1 MiB, other programs at 4 MiB or so.
@@ -31,6 +32,8 @@ pub struct RawRecord {
     pub captures: Vec<Capture>,
     /// The capture without an end: the station was killed, the capture given up, or the module moved.
     pub unfinished: Option<Unfinished>,
+    /// The run that the file is of; files of earlier versions, and records on their own, do not say it.
+    pub origin: Option<RawOrigin>,
     /// The file has no end, or the end was written later: the station was killed or lost its power. The content before
     /// the end is good.
     pub cut_off: bool,
@@ -67,6 +70,19 @@ pub enum RawError {
         /// The place, in words.
         place: String,
     },
+    /// The file names another run than the one in whose folder it is.
+    #[error("it is of another run: {plan} of {serial_number}, begun at {started}")]
+    OtherRun {
+        /// The plan of that run.
+        plan: String,
+        /// Its module.
+        serial_number: String,
+        /// When it began.
+        started: String,
+    },
+    /// The file names no run, and those of this run do.
+    #[error("it does not say of which run it is, as the files of this run do")]
+    NoRun,
     /// The file exceeds a bound.
     #[error("it holds more than {most} {what}")]
     TooMuch {
@@ -87,6 +103,9 @@ impl RawError {
                 "restore the file from a backup; `gnc-station records verify` says what was changed"
             }
             Self::Foreign { .. } => "give a file that this station wrote: RECORDS/.../attempt-1.mcap",
+            Self::OtherRun { .. } | Self::NoRun => {
+                "restore the run's folder from a backup; `gnc-station records verify` says what was changed"
+            }
             Self::TooMuch { .. } => "give a shorter record",
         }
     }
@@ -111,6 +130,49 @@ pub fn read(source: impl Read) -> Result<RawRecord, RawError> {
         Err(Unread::File(McapError::UnexpectedEof)) if bytes >= mcap::MAGIC.len() => found.close(true),
         Err(why) => Err(found.unread(why)),
     }
+}
+
+/// The run that a file says that it is of, and whether the file holds anything beside that. It reads no more than
+/// the beginning: up to the first chunk with messages.
+///
+/// # Errors
+/// [`RawError`]: the beginning is no MCAP file, or cannot be read.
+pub(crate) fn origin(source: impl Read) -> Result<(Option<RawOrigin>, bool), RawError> {
+    let mut reader = LinearReader::new_with_options(
+        LinearReaderOptions::default().with_emit_chunks(true).with_record_length_limit(LONGEST_RECORD),
+    );
+    let damaged = |source| RawError::Damaged { place: place(&[], None), source };
+    let mut source = source;
+    let mut origin = None;
+    while let Some(event) = reader.next_event() {
+        match event {
+            // What is cut off in its head holds nothing.
+            Err(McapError::UnexpectedEof) => break,
+            Err(error) => return Err(damaged(error)),
+            Ok(LinearReadEvent::ReadRequest(need)) => {
+                let got = fill(&mut source, reader.insert(need))?;
+                reader.notify_read(got);
+            }
+            Ok(LinearReadEvent::Record { opcode: op::METADATA, data }) => {
+                if let Record::Metadata(metadata) = parsed(op::METADATA, data).map_err(damaged)?
+                    && metadata.name == RawOrigin::NAME
+                {
+                    origin.get_or_insert_with(|| RawOrigin::read(metadata.metadata));
+                }
+            }
+            // The first chunk of a file that was cut off in its head holds no message.
+            Ok(LinearReadEvent::Record { opcode: op::CHUNK, data }) => {
+                if let Record::Chunk { header, .. } = parsed(op::CHUNK, data).map_err(damaged)?
+                    && header.message_end_time > 0
+                {
+                    return Ok((origin, true));
+                }
+            }
+            Ok(LinearReadEvent::Record { opcode: op::MESSAGE, .. }) => return Ok((origin, true)),
+            Ok(LinearReadEvent::Record { .. }) => {}
+        }
+    }
+    Ok((origin, false))
 }
 
 /// Why reading stopped before the end.
@@ -201,6 +263,7 @@ struct Found {
     open: Option<Capture>,
     /// Topics by the numbers that this file gives them. A file may define any number of them, and repeat them.
     channels: BTreeMap<u16, Topic>,
+    origin: Option<RawOrigin>,
     samples: usize,
     bytes: usize,
     /// Everything that follows repeats earlier content.
@@ -232,6 +295,10 @@ impl Found {
             Record::DataEnd(_) => self.past_data = true,
             _ if self.past_data => {}
             Record::Metadata(metadata) if metadata.name == CutOff::NAME => self.cut_off = true,
+            // The first one counts: it stands before all samples.
+            Record::Metadata(metadata) if metadata.name == RawOrigin::NAME => {
+                self.origin.get_or_insert_with(|| RawOrigin::read(metadata.metadata));
+            }
             Record::Channel(channel) => {
                 let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
                 match topic {
@@ -367,7 +434,7 @@ impl Found {
         let unfinished = self
             .open
             .map(|open| Unfinished { samples: open.samples.len().max(open.compensated.len()), about: open.about });
-        Ok(RawRecord { captures: self.captures, unfinished, cut_off: cut_off || self.cut_off })
+        Ok(RawRecord { captures: self.captures, unfinished, origin: self.origin, cut_off: cut_off || self.cut_off })
     }
 
     fn foreign(&self, what: String) -> RawError {

@@ -155,7 +155,7 @@ pub(super) fn write<W: Write + Seek>(captures: &[Capture], out: &mut RawWriter<W
 }
 
 pub(super) fn file(captures: &[Capture]) -> Vec<u8> {
-    let mut out = RawWriter::new(Cursor::new(Vec::new())).unwrap();
+    let mut out = RawWriter::new(Cursor::new(Vec::new()), None).unwrap();
     write(captures, &mut out);
     out.finish().unwrap().into_inner()
 }
@@ -164,7 +164,10 @@ pub(super) fn file(captures: &[Capture]) -> Vec<u8> {
 fn captures_come_back_bit_for_bit() {
     let captures = captures();
     let found = read(file(&captures).as_slice()).unwrap();
-    assert!(found == RawRecord { captures: captures.clone(), unfinished: None, cut_off: false }, "other samples");
+    assert!(
+        found == RawRecord { captures: captures.clone(), unfinished: None, origin: None, cut_off: false },
+        "other samples"
+    );
     // Equality of floats takes -0 for 0, so the bits are compared too.
     let bits = |captures: &[Capture]| {
         let poses = captures.iter().map(|capture| capture.about.pose.clone());
@@ -184,7 +187,7 @@ fn captures_come_back_bit_for_bit() {
 fn a_file_may_end_anywhere() {
     let captures = captures();
     let shared = Shared::default();
-    let mut out = RawWriter::new(mcap::write::NoSeek::new(shared.clone())).unwrap();
+    let mut out = RawWriter::new(mcap::write::NoSeek::new(shared.clone()), None).unwrap();
     out.flush().unwrap();
     let head = shared.0.borrow().len();
     let mut ends = Vec::new();
@@ -309,5 +312,5 @@ fn files_of_earlier_versions_are_read() {
         // The clocks were not compared at that time.
         capture.timing.host = HostView::default();
     }
-    assert!(found == RawRecord { captures, unfinished: None, cut_off: false }, "other samples");
+    assert!(found == RawRecord { captures, unfinished: None, origin: None, cut_off: false }, "other samples");
 }

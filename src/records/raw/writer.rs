@@ -10,6 +10,7 @@ use mcap::{McapResult, WriteOptions};
 
 use super::Topic;
 use super::mark::RawMark;
+use super::origin::RawOrigin;
 use super::sample::{put_bytes, put_compensated, put_edge, put_sample};
 use super::schema::descriptor_set;
 
@@ -84,22 +85,26 @@ impl RawWriter<Cursor<Vec<u8>>> {
     /// # Errors
     /// The head cannot be written.
     pub(super) fn head() -> McapResult<Vec<u8>> {
-        let mut file = Self::new(Cursor::new(Vec::new()))?;
+        let mut file = Self::new(Cursor::new(Vec::new()), None)?;
         file.flush()?;
         Ok(file.out.into_inner().into_inner())
     }
 }
 
 impl<W: Write + Seek> RawWriter<W> {
-    /// Begins a file.
+    /// Begins a file, with the run that it is of; without one it is a record on its own.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn new(out: W) -> McapResult<Self> {
+    pub fn new(out: W, origin: Option<&RawOrigin>) -> McapResult<Self> {
         let program = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION"));
         // Append only, so that written content stays good in all cases; no threads beside the writing one.
         let options = WriteOptions::new().library(program).disable_seeking(true).compression_threads(0);
         let mut out = options.create(out)?;
+        // Before all else: it is there however early the file is cut off.
+        if let Some(origin) = origin {
+            out.write_metadata(&origin.record())?;
+        }
         for topic in Topic::ALL {
             let schema = schema_id(topic);
             out.add_schema_with_id(schema, topic.message(), "protobuf", &descriptor_set(topic))?;

@@ -1,10 +1,9 @@
 //! Captures of a run, read back from its folder.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::{StoreError, digest, item_folder, raw_file};
-use crate::raw::{self, RawError, RawRecord};
+use super::{JOURNAL, StoreError, chain, digest, item_folder, raw_file};
+use crate::raw::{self, RawError, RawOrigin, RawRecord};
 
 /// Why captures cannot be read back.
 #[derive(Debug, thiserror::Error)]
@@ -32,12 +31,127 @@ pub fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(raw.map(|file| folder.join(file)).collect())
 }
 
-/// Reads a raw file.
+/// Reads a raw file. One in the folder of a run must be of that run.
 ///
 /// # Errors
 /// [`CapturesError`].
 pub fn read(path: &Path) -> Result<RawRecord, CapturesError> {
     let in_words = |source| CapturesError { path: path.to_owned(), source };
-    let file = File::open(path).map_err(|error| in_words(error.into()))?;
-    raw::read(file).map_err(in_words)
+    let file = gnc_files::open(path).map_err(|error| in_words(error.into()))?;
+    let record = raw::read(file).map_err(in_words)?;
+    let holds_some = !record.captures.is_empty() || record.unfinished.is_some();
+    match run_of(path).and_then(|run| not_of(run, record.origin.as_ref(), holds_some)) {
+        None => Ok(record),
+        Some(error) => Err(in_words(error)),
+    }
+}
+
+/// What is wrong with the raw files of a run, a sentence each: they are of another run.
+pub(super) fn of_other_runs(run: &Path) -> Result<Vec<String>, StoreError> {
+    let mut problems = Vec::new();
+    for file in files(run)? {
+        let begin = gnc_files::open(&file).map_err(RawError::from).and_then(raw::origin);
+        let error = match begin {
+            Ok((origin, holds_some)) => not_of(run, origin.as_ref(), holds_some),
+            Err(error) => Some(error),
+        };
+        let name = file.strip_prefix(run).unwrap_or(&file).to_string_lossy().into_owned();
+        problems.extend(error.map(|error| format!("{name}: {}", gnc_text::with_causes(&error))));
+    }
+    Ok(problems)
+}
+
+/// The folder of the run in which a raw file is; `None` if it is elsewhere.
+fn run_of(raw: &Path) -> Option<&Path> {
+    let run = raw.parent()?.parent()?;
+    run.join(JOURNAL).symlink_metadata().is_ok().then_some(run)
+}
+
+/// Why a raw file is not one of a run. A run whose beginning the chain does not have is from a version whose files do not say it.
+fn not_of(run: &Path, origin: Option<&RawOrigin>, holds_some: bool) -> Option<RawError> {
+    match origin {
+        Some(origin) => {
+            let digest = chain::digest_of_first_line(run).ok()?;
+            let RawOrigin { plan, serial_number, started, journal_sha256, .. } = origin;
+            let [plan, serial_number, started] =
+                [plan, serial_number, started].map(|text| gnc_text::printable(text).into_owned());
+            (*journal_sha256 != digest).then(|| RawError::OtherRun { plan, serial_number, started })
+        }
+        None if holds_some && chain::place_of(run).is_ok_and(|place| place.is_some()) => Some(RawError::NoRun),
+        None => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::io::Cursor;
+
+    use gnc_analysis::capture::{CaptureHead, HostView, Pose};
+    use gnc_protocol::stream::Losses;
+
+    use super::*;
+    use crate::raw::{Piece, RawWriter};
+    use crate::store::chain::{Scribe, begin};
+
+    /// A file with one empty capture.
+    fn file(origin: Option<&RawOrigin>) -> Vec<u8> {
+        let mut out = RawWriter::new(Cursor::new(Vec::new()), origin).unwrap();
+        let pose = Pose::Still { up: [0.0, 0.0, 1.0], heading_deg: 0.0 };
+        let about = CaptureHead { label: "Z up".into(), series: 0, pose, rate_hz: 100 };
+        out.write(Piece::Begin { about, board_time_us: 0 }).unwrap();
+        let (losses, host) = (Losses::default(), HostView::Nothing("short".into()));
+        out.write(Piece::End { losses, host, board_time_us: 9 }).unwrap();
+        out.finish().unwrap().into_inner()
+    }
+
+    /// A folder of a good module's run whose name is replaced everywhere by that of a bad one.
+    #[test]
+    fn a_capture_is_of_its_run_alone() {
+        let records = tempfile::tempdir().unwrap();
+        let run = records.path().join("2026-11-28/GOOD/120000-calibration");
+        let raw = path(&run, 0, "imu", 1, 1);
+        fs::create_dir_all(raw.parent().unwrap()).unwrap();
+        let journal =
+            |module: &str| fs::write(run.join(JOURNAL), format!("{{\"module\":\"{module}\"}}\nmore\n")).unwrap();
+        journal("GOOD");
+        let sha256 = digest::of_bytes(b"{\"module\":\"GOOD\"}\n");
+        let origin = RawOrigin {
+            serial_number: "GOOD".into(),
+            plan: "calibration".into(),
+            journal_sha256: sha256,
+            ..RawOrigin::default()
+        };
+        fs::write(&raw, file(Some(&origin))).unwrap();
+        assert_eq!(read(&raw).unwrap().origin.as_ref(), Some(&origin));
+        assert_eq!(of_other_runs(&run).unwrap(), Vec::<String>::new());
+
+        journal("EVIL");
+        let named = RawOrigin { serial_number: "EVIL".into(), ..origin.clone() };
+        for origin in [&origin, &named] {
+            fs::write(&raw, file(Some(origin))).unwrap();
+            assert!(matches!(read(&raw).unwrap_err().source, RawError::OtherRun { .. }));
+            let said = format!(
+                "01-imu/attempt-1.mcap: it is of another run: calibration of {}, begun at ",
+                origin.serial_number
+            );
+            assert_eq!(of_other_runs(&run).unwrap(), [said]);
+        }
+        // On its own the same file can be read: no run contradicts it.
+        let alone = records.path().join("alone.mcap");
+        fs::copy(&raw, &alone).unwrap();
+        assert!(read(&alone).is_ok());
+
+        // Without the name it may be of an earlier version, unless the chain knows when the run began.
+        fs::write(&raw, file(None)).unwrap();
+        assert!(read(&raw).is_ok() && of_other_runs(&run).unwrap().is_empty());
+        let at = chrono::DateTime::UNIX_EPOCH.fixed_offset();
+        begin(&run, &Scribe { station: "bench", at, key: None, late: None }).unwrap();
+        assert!(matches!(read(&raw).unwrap_err().source, RawError::NoRun));
+        assert_eq!(of_other_runs(&run).unwrap().len(), 1);
+        // A kill within the head of the file leaves nothing to name.
+        let head = RawWriter::new(Cursor::new(Vec::new()), None).unwrap().finish().unwrap().into_inner();
+        fs::write(&raw, head).unwrap();
+        assert!(read(&raw).is_ok() && of_other_runs(&run).unwrap().is_empty());
+    }
 }

@@ -36,6 +36,7 @@ pub(crate) use append::append;
 pub(crate) use append::append_as;
 pub(super) use before::{Before, unknown};
 pub(crate) use begin::begin;
+pub(crate) use begin::digest_of_first_line;
 pub use begin::place_of;
 pub use check::{ChainCheck, verify};
 pub(crate) use entry::Scribe;

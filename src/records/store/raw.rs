@@ -12,7 +12,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::{MissedTickBehavior, interval};
 
 use super::{RunFolder, StoreError, on};
-use crate::raw::{Piece, RawWriter};
+use crate::raw::{Piece, RawOrigin, RawWriter};
 
 /// Most pieces on their way to the disk: six seconds of 1 kHz in frames of 12 samples. That is far longer than a disk
 /// takes to wake up.
@@ -53,7 +53,11 @@ impl Opening {
 
 impl RawFile {
     /// Starts the thread that creates the file below a run's folder and writes it.
-    pub(super) fn create(folder: &RunFolder, name: String) -> Result<(Opening, RawThread), StoreError> {
+    pub(super) fn create(
+        folder: &RunFolder,
+        name: String,
+        origin: Option<RawOrigin>,
+    ) -> Result<(Opening, RawThread), StoreError> {
         let path = folder.path().join(&name);
         let (pieces, receiver) = mpsc::channel(ON_THE_WAY);
         let (done, ended) = oneshot::channel();
@@ -63,7 +67,7 @@ impl RawFile {
             let written = folder.create_below(&name).and_then(|file| {
                 // After a stop the receiver may be gone.
                 let _ = created.send(());
-                write(file, &named, receiver)
+                write(file, &named, origin.as_ref(), receiver)
             });
             // The receiver reports the error; after a stop there is no receiver.
             let _ = done.send(written);
@@ -100,16 +104,20 @@ fn closed() -> StoreError {
     StoreError::Closed { why: "the raw samples could not be written".into() }
 }
 
-fn write(file: File, path: &Path, pieces: mpsc::Receiver<Piece>) -> Result<(), StoreError> {
+fn write(file: File, path: &Path, origin: Option<&RawOrigin>, pieces: mpsc::Receiver<Piece>) -> Result<(), StoreError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build();
     let runtime = on(runtime, "start a clock for", path)?;
-    let written = runtime.block_on(all(BufWriter::with_capacity(BUFFER, file), pieces));
+    let written = runtime.block_on(all(BufWriter::with_capacity(BUFFER, file), origin, pieces));
     let file = written.map_err(|error| file_error(error, path))?;
     on(file.into_inner().map_err(io::IntoInnerError::into_error).and_then(|file| file.sync_all()), "write", path)
 }
 
-async fn all(out: BufWriter<File>, mut pieces: mpsc::Receiver<Piece>) -> Result<BufWriter<File>, McapError> {
-    let mut out = RawWriter::new(out)?;
+async fn all(
+    out: BufWriter<File>,
+    origin: Option<&RawOrigin>,
+    mut pieces: mpsc::Receiver<Piece>,
+) -> Result<BufWriter<File>, McapError> {
+    let mut out = RawWriter::new(out, origin)?;
     // A head alone is a valid file already.
     out.flush()?;
     let mut flush_due = interval(FLUSH_EVERY);

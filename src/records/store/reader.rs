@@ -14,7 +14,8 @@ use gnc_executive::state::RunState;
 use super::begun::was_never_begun;
 use super::digest::FileDigests;
 use super::{
-    DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, chain, digest, goes_on, name, on,
+    DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, captures, chain, digest, goes_on,
+    name, on,
 };
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
@@ -537,6 +538,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
         }
     }
     problems.extend(promised.keys().map(|file| format!("{} is missing", file.display())));
+    problems.extend(captures::of_other_runs(folder)?);
     if let Some(state) = state {
         let stored = fs::read(folder.join(RECORD)).ok();
         let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());

@@ -8,10 +8,10 @@
 
 use std::fs::File;
 use std::io::Write as _;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 
-use gnc_executive::event::{Event, EventKind};
+use gnc_executive::event::{Event, EventKind, RunHeader};
 use gnc_executive::plan::Plan;
 use gnc_executive::record::{ItemFile, RunRecord};
 use gnc_executive::state::RunState;
@@ -21,7 +21,8 @@ use tokio::sync::{mpsc, oneshot};
 use super::chain::{self, Place, Scribe};
 use super::closing::pretty;
 use super::raw::RawThread;
-use super::{ITEM, JOURNAL, PLAN, RawFile, RunFolder, StoreError, closing, item_folder, name, on, raw_file};
+use super::{ITEM, JOURNAL, PLAN, RawFile, RunFolder, StoreError, closing, digest, item_folder, name, on, raw_file};
+use crate::raw::RawOrigin;
 
 /// Most events on their way to the disk: more than the largest item yields at once.
 const ON_THE_WAY: usize = 1024;
@@ -49,6 +50,7 @@ pub struct RecordWriter {
     state: Arc<Mutex<RunState>>,
     folder: RunFolder,
     raw: Mutex<Vec<RawThread>>,
+    origin: Arc<OnceLock<RawOrigin>>,
 }
 
 impl RecordWriter {
@@ -59,11 +61,11 @@ impl RecordWriter {
     /// [`StoreError`]; nothing was tested yet.
     pub fn start(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
         let writer = JournalFile::open(&folder, plan, watchers)?;
-        let state = Arc::clone(&writer.state);
+        let (state, origin) = (Arc::clone(&writer.state), Arc::clone(&writer.origin));
         let (events, receiver) = mpsc::channel(ON_THE_WAY);
         let spawned = std::thread::Builder::new().name("writer".into()).spawn(move || writer.run(receiver));
         let thread = on(spawned, "start a thread for", std::path::Path::new(JOURNAL))?;
-        Ok(Self { hand: Hand::Thread { events, thread }, state, folder, raw: Mutex::default() })
+        Ok(Self { hand: Hand::Thread { events, thread }, state, folder, raw: Mutex::default(), origin })
     }
 
     /// As [`RecordWriter::start`], without a thread: an event is on disk when it is emitted. It is for a clock that
@@ -73,8 +75,8 @@ impl RecordWriter {
     /// [`StoreError`]; nothing was tested yet.
     pub fn without_thread(folder: RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
         let writer = JournalFile::open(&folder, plan, watchers)?;
-        let state = Arc::clone(&writer.state);
-        Ok(Self { hand: Hand::Here(Box::new(Mutex::new(Some(writer)))), state, folder, raw: Mutex::default() })
+        let (state, origin) = (Arc::clone(&writer.state), Arc::clone(&writer.origin));
+        Ok(Self { hand: Hand::Here(Box::new(Mutex::new(Some(writer)))), state, folder, raw: Mutex::default(), origin })
     }
 
     /// Opens a file for the raw samples of an attempt of an item.
@@ -84,7 +86,7 @@ impl RecordWriter {
     pub async fn raw(&self, item: &str, attempt: u32, repeat: u32) -> Result<RawFile, StoreError> {
         let position = self.state.lock().unwrap_or_else(PoisonError::into_inner).position(item).unwrap_or_default();
         let name = format!("{}/{}", item_folder(position, item), raw_file(attempt, repeat));
-        let (opening, thread) = RawFile::create(&self.folder, name)?;
+        let (opening, thread) = RawFile::create(&self.folder, name, self.origin.get().cloned())?;
         self.threads().push(thread);
         opening.opened().await
     }
@@ -225,6 +227,8 @@ struct JournalFile {
     line: Vec<u8>,
     /// Where the chain says that the run began.
     began: Option<Place>,
+    /// What the raw files say of which run they are.
+    origin: Arc<OnceLock<RawOrigin>>,
 }
 
 impl std::fmt::Debug for JournalFile {
@@ -241,7 +245,15 @@ impl JournalFile {
         }
         let journal = closing::hold(folder.create_file(JOURNAL)?, &folder.path().join(JOURNAL))?;
         let state = Arc::new(Mutex::new(RunState::new()));
-        Ok(Self { folder: folder.clone(), journal, state, watchers, line: Vec::new(), began: None })
+        Ok(Self {
+            folder: folder.clone(),
+            journal,
+            state,
+            watchers,
+            line: Vec::new(),
+            began: None,
+            origin: Arc::default(),
+        })
     }
 
     fn run(mut self, mut events: mpsc::Receiver<(Event, Option<Written>)>) -> Result<(), StoreError> {
@@ -275,7 +287,7 @@ impl JournalFile {
         let path = self.folder.path().join(JOURNAL);
         on(self.journal.write_all(&self.line), "write", &path)?;
         match &event.kind {
-            EventKind::RunStarted { header, .. } => self.begin(&header.station, event)?,
+            EventKind::RunStarted { header, .. } => self.begin(header, event)?,
             EventKind::ItemEnded { item, .. } => self.file_item(item)?,
             EventKind::RunEnded(_) => self.close_folder(event)?,
             _ => {}
@@ -299,7 +311,15 @@ impl JournalFile {
 
     /// Writes into the chain that the run begins. Whoever waits for the first event waits for this line. Without it the run does
     /// not begin, and its folder goes.
-    fn begin(&mut self, station: &str, event: &Event) -> Result<(), StoreError> {
+    fn begin(&mut self, header: &RunHeader, event: &Event) -> Result<(), StoreError> {
+        let station = header.station.as_str();
+        let _ = self.origin.set(RawOrigin {
+            serial_number: header.serial_number.clone(),
+            plan: header.plan.name.clone(),
+            station: header.station.clone(),
+            started: event.at.to_rfc3339(),
+            journal_sha256: digest::of_bytes(&self.line),
+        });
         let path = self.folder.path().join(JOURNAL);
         on(self.journal.sync_data(), "write", &path)?;
         let by = Scribe { station, at: event.at, key: self.folder.key(), late: None };

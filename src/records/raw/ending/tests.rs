@@ -5,17 +5,21 @@ use mcap::records::Statistics;
 
 use super::*;
 use crate::raw::tests::{Shared, cut, file, short_captures, write};
-use crate::raw::{RawRecord, read};
+use crate::raw::{RawOrigin, RawRecord, read};
 
 /// Captures with few samples each, so that every length can be tried.
 fn few() -> Vec<Capture> {
     short_captures().into_iter().map(|capture| cut(capture, 13)).collect()
 }
 
+fn origin() -> RawOrigin {
+    RawOrigin { serial_number: "SN-1".into(), journal_sha256: "a".repeat(64), ..RawOrigin::default() }
+}
+
 /// A file after a kill: flushed after each capture, without an end.
 fn killed() -> Vec<u8> {
     let shared = Shared::default();
-    let mut out = RawWriter::new(mcap::write::NoSeek::new(shared.clone())).unwrap();
+    let mut out = RawWriter::new(mcap::write::NoSeek::new(shared.clone()), Some(&origin())).unwrap();
     out.flush().unwrap();
     for capture in few() {
         write(&[capture], &mut out);
@@ -80,8 +84,14 @@ fn check_by_others(file: &[u8], before: &[u8]) {
     assert!(all == in_a_row(before), "{} bytes: other messages", before.len());
     let statistics = summary.stats.expect("statistics");
     assert_eq!(statistics.message_count, all.len() as u64);
-    let note = mcap::read::metadata(file, &summary.metadata_indexes[0]).unwrap();
+    let notes: Vec<_> =
+        summary.metadata_indexes.iter().map(|index| mcap::read::metadata(file, index).unwrap()).collect();
+    assert_eq!(statistics.metadata_count as usize, notes.len());
+    let (note, of_the_run) = notes.split_last().expect("a note");
     assert_eq!(note.name, "gnc.cut_off");
+    // What was cut off within its head begins anew, without it.
+    assert!(of_the_run.iter().all(|named| named.name == "gnc.run") && of_the_run.len() <= 1);
+    assert_eq!(of_the_run.is_empty(), all.is_empty() && read(file).unwrap().origin.is_none(), "{} bytes", before.len());
     assert_eq!(note.metadata["original_bytes"], before.len().to_string());
     assert_eq!(note.metadata["original_sha256"], "f".repeat(64));
 }

@@ -48,6 +48,14 @@ pub fn place_of(run: &Path) -> Result<Option<Place>, StoreError> {
 }
 
 /// Digest of the first line of a run's journal, with its end.
+///
+/// # Errors
+/// The journal cannot be read.
+pub(crate) fn digest_of_first_line(run: &Path) -> Result<String, StoreError> {
+    of_first_line(run, run)
+}
+
+/// Digest of the first line of a run's journal, with its end.
 pub(super) fn of_first_line(records: &Path, run: &Path) -> Result<String, StoreError> {
     let path = run.join(JOURNAL);
     let within = path.strip_prefix(records).unwrap_or(&path);
