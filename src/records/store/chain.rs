@@ -27,8 +27,12 @@ mod begin;
 mod check;
 mod entry;
 mod links;
+mod matching;
 mod order;
+mod places;
 mod read;
+mod signed;
+mod times;
 
 pub(crate) use apart::{apart, last_number};
 #[cfg(test)]
@@ -37,7 +41,7 @@ pub(crate) use append::append_as;
 pub(super) use before::{Before, unknown};
 pub(crate) use begin::begin;
 pub use begin::place_of;
-pub use check::{ChainCheck, verify};
+pub use check::{Against, ChainBook, ChainCheck, Head, verify, verify_against};
 pub(crate) use entry::Scribe;
 pub use entry::{LateClose, Place};
 pub use links::{ChainStanding, LateCloses, standing};
