@@ -42,7 +42,7 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
         let is_there = closed_folder(book, line, problems);
         match began.get(line.began_as()) {
             Some(begin) if begin.number > line.number => {
-                problems.push(format!("run {} ({}) was closed before it began", line.number, line.run))
+                problems.push(format!("run {} ({}) was closed before it began", line.number, line.run));
             }
             Some(begin) => {
                 let is_moved = line.from.as_ref().is_none_or(|from| {
@@ -54,7 +54,7 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
                 }
             }
             None if line.from.is_some() || since.is_some_and(|since| line.number > since) => {
-                problems.push(format!("run {} ({}) was closed, and no line says that it began", line.number, line.run))
+                problems.push(format!("run {} ({}) was closed, and no line says that it began", line.number, line.run));
             }
             None => {}
         }
