@@ -27,8 +27,12 @@ mod begin;
 mod check;
 mod entry;
 mod links;
+mod matching;
 mod order;
+mod places;
 mod read;
+mod signed;
+mod times;
 
 pub(crate) use apart::{apart, last_number};
 #[cfg(test)]
@@ -38,7 +42,7 @@ pub(super) use before::{Before, unknown};
 pub(crate) use begin::begin;
 pub(crate) use begin::digest_of_first_line;
 pub use begin::place_of;
-pub use check::{ChainCheck, verify};
+pub use check::{Against, ChainBook, ChainCheck, Head, verify, verify_against};
 pub(crate) use entry::Scribe;
 pub use entry::{LateClose, Place};
 pub use links::{ChainStanding, LateCloses, standing};
@@ -54,5 +58,7 @@ pub(crate) const COUNTER: &str = "COUNTER";
 /// The link before the first run.
 const NOTHING: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
+#[cfg(test)]
+mod attacks;
 #[cfg(test)]
 mod tests;

@@ -67,7 +67,7 @@ pub(super) fn close(
         folder.put(LOG, |out| out.write_all(log(record, cut_off, late).as_bytes()))?;
         folder.put(RECORD, |out| pretty(out, record))?;
         sums.add_new(folder.path())?;
-        file_papers(folder, record, cut_off, late, &mut sums)?;
+        file_papers(folder, record, cut_off, late, began, &mut sums)?;
     }
     // One wait for all files of the run, then the digests that cover them.
     folder.sync()?;
@@ -102,10 +102,12 @@ fn file_papers(
     record: &RunRecord,
     cut_off: &[CutOffFile],
     late: Option<&LateClose>,
+    began: Option<&Place>,
     sums: &mut FileDigests,
 ) -> Result<(), StoreError> {
     let record_sha256 = sums.of_record();
-    let passport = passport::of_run(record, &record_sha256);
+    let chain = began.map(ToString::to_string);
+    let passport = passport::of_run(record, &record_sha256, chain.as_deref());
     let passport =
         passport.and_then(|passport| if late.is_some() { Err(NoPassport::ClosedLate) } else { Ok(passport) });
     if let Ok(passport) = &passport {
@@ -123,7 +125,7 @@ fn file_papers(
     });
     let digests: Vec<_> = files.chain([all]).chain(originals).collect();
     let late = late.map(LateClose::in_words);
-    folder.put(REPORT, |out| report::html(out, record, &passport, &digests, late.as_deref()))
+    folder.put(REPORT, |out| report::html(out, record, &passport, &digests, late.as_deref(), chain.as_deref()))
 }
 
 /// Who closes what an earlier start left behind, and when.
