@@ -186,7 +186,7 @@ fn renamed_day(records: &Path, anew: bool) {
 }
 
 fn early(records: &Path, anew: bool) {
-    let name = "2026-11-20/T-2/091000-small";
+    let name = "2026-11-20/T-2/092000-small";
     let copied = copy(records, "2026-11-28/T-2/092000-small", name);
     if !anew {
         return;
