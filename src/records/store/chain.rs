@@ -19,6 +19,7 @@ mod before;
 mod check;
 mod entry;
 mod links;
+mod mend;
 mod order;
 mod read;
 
@@ -29,6 +30,7 @@ pub use check::{ChainCheck, verify};
 pub use entry::LateClose;
 pub use links::{ChainStanding, LateCloses, standing};
 pub(crate) use links::{DayLinks, of_day};
+pub(in crate::store) use mend::mend;
 pub(crate) use order::by_close;
 
 /// The file of the chain in a day's folder.

@@ -273,7 +273,11 @@ impl JournalFile {
         on(self.journal.write_all(&self.line), "write", &path)?;
         match &event.kind {
             EventKind::ItemEnded { item, .. } => self.file_item(item)?,
-            EventKind::RunEnded(_) => self.close_folder()?,
+            EventKind::RunEnded(_) => {
+                // Before the run is closed: behind that no error may make a closed run an errored one.
+                on(self.journal.sync_data(), "write", &path)?;
+                return self.close_folder();
+            }
             _ => {}
         }
         if sync {

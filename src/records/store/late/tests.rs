@@ -84,7 +84,7 @@ fn close_now(run: &Path) {
 
 fn start_of(records: &Path, station: &str) -> Vec<String> {
     let program = ProgramVersion { name: "gnc station".to_owned(), version: "1.3".to_owned(), build: None };
-    closing::seal_interrupted(records, &Sealer { station, program: &program, at: time(SEALED), key: None })
+    crate::store::seal_interrupted(records, &Sealer { station, program: &program, at: time(SEALED), key: None })
 }
 
 /// The content of a file, or nothing.
