@@ -1,21 +1,29 @@
 //! The chain of closed runs. A run that is changed, removed or inserted later breaks it.
 //!
-//! Each day's folder has a file `CHAIN` with a line for each run closed there:
+//! Each day's folder has a file `CHAIN` with a line for each run that began or was closed there:
 //!
 //! ```text
-//! NUMBER  LINK-BEFORE  DIGEST  LINK  DATE/SERIAL/TIME-PLAN
+//! NUMBER LINK-BEFORE DIGEST LINK begin|close STATION TIME DATE/SERIAL/TIME-PLAN [from RUN] [late TIME PROGRAM] [sig HEX]
 //! ```
 //!
-//! `DIGEST` is the SHA-256 of the run's `SHA256SUMS`, which covers all of its files. `LINK` is the SHA-256 of
-//! `NUMBER LINK-BEFORE DIGEST DATE/SERIAL/TIME-PLAN`, so that a changed line changes all links behind it. A run whose
+//! `DIGEST` of a run that was closed is the SHA-256 of its `SHA256SUMS`, which covers all of its files; of a run that began,
+//! the SHA-256 of the first line of its journal with its end. `LINK` is the SHA-256 of the line without `LINK` and
+//! signature, so that a changed line changes all links behind it. The signature (Ed25519) is that of `gnc-station chain 2 LINK`:
+//! it covers number, line before, run, station and time.
+//!
+//! The line of a beginning is on disk before anything is powered, so that a run that is taken away leaves a hole. A run whose module
+//! is not the one that was scanned is moved; `from` tells where it began. A run whose
 //! station ended before it was in the chain is closed late: its line goes on with ` late TIME PROGRAM`, which `LINK`
 //! covers too, so that nobody can take the mark away later. Numbers go on
 //! from day to day. `COUNTER` in the records folder holds the last number and link: it reveals a tail that was cut off.
-//! A person who can write all of these files can forge all of them: keep a copy of `COUNTER` in another place.
+//! A person who can write all of these files can forge all of them but the signatures: keep a copy of `COUNTER` in another place.
+//!
+//! Earlier versions wrote lines of closed runs alone: `NUMBER LINK-BEFORE DIGEST LINK RUN [late TIME PROGRAM]`.
 
 mod apart;
 mod append;
 mod before;
+mod begin;
 mod check;
 mod entry;
 mod links;
@@ -24,10 +32,15 @@ mod order;
 mod read;
 
 pub(crate) use apart::{apart, last_number};
-pub(crate) use append::{append, append_as};
+#[cfg(test)]
+pub(crate) use append::append;
+pub(crate) use append::append_as;
 pub(super) use before::{Before, unknown};
+pub(crate) use begin::begin;
+pub use begin::place_of;
 pub use check::{ChainCheck, verify};
-pub use entry::LateClose;
+pub(crate) use entry::Scribe;
+pub use entry::{LateClose, Place};
 pub use links::{ChainStanding, LateCloses, standing};
 pub(crate) use links::{DayLinks, of_day};
 pub(in crate::store) use mend::mend;

@@ -10,7 +10,7 @@ use gnc_executive::text;
 use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
-use super::chain::LateClose;
+use super::chain::{LateClose, Place, Scribe};
 use super::cut_off::CutOffFile;
 use super::digest::{self, FileDigests};
 use super::folder::{PART, sync_dir};
@@ -38,15 +38,17 @@ fn is_held(file: File) -> bool {
     matches!(Flock::lock(file, FlockArg::LockSharedNonblock), Err((_, Errno::EAGAIN)))
 }
 
-/// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end. `late` marks a
-/// run that is not closed by the station that carried it out, and such a run gets no passport.
+/// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end. The mark of a late close is for a
+/// run that is not closed by the station that carried it out, and such a run gets no passport. `by` writes the line, and
+/// `began` is the place of that of the run's beginning.
 pub(super) fn close(
     folder: &RunFolder,
     record: Option<&RunRecord>,
     cut_off: &[CutOffFile],
-    late: Option<&LateClose>,
+    by: &Scribe<'_>,
+    began: Option<&Place>,
 ) -> Result<(), StoreError> {
-    let closed = seal_files(folder, record, cut_off, late).and_then(|()| chain::append_as(folder.path(), late));
+    let closed = seal_files(folder, record, cut_off, by, began).and_then(|()| chain::append_as(folder.path(), by));
     if closed.is_err() {
         withdraw(folder.path());
     }
@@ -68,8 +70,10 @@ fn seal_files(
     folder: &RunFolder,
     record: Option<&RunRecord>,
     cut_off: &[CutOffFile],
-    late: Option<&LateClose>,
+    by: &Scribe<'_>,
+    _began: Option<&Place>,
 ) -> Result<(), StoreError> {
+    let late = by.late;
     let mut sums = FileDigests::default();
     if record.is_some_and(|record| record.other_module.is_some()) {
         folder.unassign()?;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use gnc_executive::record::{ItemFile, RunRecord};
 use gnc_executive::state::RunState;
 
-use super::chain::{self, Before, LateClose};
+use super::chain::{self, Before, LateClose, Scribe};
 use super::closing;
 use super::recovery::{Sealer, Until};
 use super::{DIGESTS, ITEM, JOURNAL, RECORD, RunFolder, StoreError, cut_off, item_folder, on, reader};
@@ -51,6 +51,7 @@ fn close_one(records: &Path, run: &Path, sealer: &Sealer<'_>) -> Result<Option<S
     let record = RunRecord::from_state(&state).filter(|record| !record.interrupted);
     let Some(record) = record.filter(|record| record.station == sealer.station) else { return Ok(None) };
     let late = LateClose::new(sealer.at, &format!("{}-{}", sealer.program.name, sealer.program.version));
+    let by = Scribe { late: Some(&late), ..sealer.scribe() };
     let digests = run.join(DIGESTS);
     if digests.exists() {
         if !reader::verify(run).is_empty() {
@@ -65,7 +66,8 @@ fn close_one(records: &Path, run: &Path, sealer: &Sealer<'_>) -> Result<Option<S
     let folder = RunFolder::existing(run).signed_with(sealer.key.cloned());
     complete_items(&folder, &state)?;
     let cut_off = cut_off::complete(&folder)?.files;
-    closing::close(&folder, Some(&record), &cut_off, Some(&late))?;
+    let began = chain::begin(run, &by)?;
+    closing::close(&folder, Some(&record), &cut_off, &by, Some(&began))?;
     let ended = record.finished.map_or_else(String::new, |at| format!(" at {}", at.format("%F %T")));
     let serial_number = gnc_text::printable(&record.serial_number);
     Ok(Some(format!(

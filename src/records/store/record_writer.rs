@@ -18,6 +18,7 @@ use gnc_executive::state::RunState;
 use nix::fcntl::Flock;
 use tokio::sync::{mpsc, oneshot};
 
+use super::chain::{self, Place, Scribe};
 use super::closing::pretty;
 use super::raw::RawThread;
 use super::{ITEM, JOURNAL, PLAN, RawFile, RunFolder, StoreError, closing, item_folder, name, on, raw_file};
@@ -222,6 +223,8 @@ struct JournalFile {
     state: Arc<Mutex<RunState>>,
     watchers: Vec<Watcher>,
     line: Vec<u8>,
+    /// Where the chain says that the run began.
+    began: Option<Place>,
 }
 
 impl std::fmt::Debug for JournalFile {
@@ -238,7 +241,7 @@ impl JournalFile {
         }
         let journal = closing::hold(folder.create_file(JOURNAL)?, &folder.path().join(JOURNAL))?;
         let state = Arc::new(Mutex::new(RunState::new()));
-        Ok(Self { folder: folder.clone(), journal, state, watchers, line: Vec::new() })
+        Ok(Self { folder: folder.clone(), journal, state, watchers, line: Vec::new(), began: None })
     }
 
     fn run(mut self, mut events: mpsc::Receiver<(Event, Option<Written>)>) -> Result<(), StoreError> {
@@ -272,11 +275,12 @@ impl JournalFile {
         let path = self.folder.path().join(JOURNAL);
         on(self.journal.write_all(&self.line), "write", &path)?;
         match &event.kind {
+            EventKind::RunStarted { header, .. } => self.begin(&header.station, event)?,
             EventKind::ItemEnded { item, .. } => self.file_item(item)?,
             EventKind::RunEnded(_) => {
                 // Before the run is closed: behind that no error may make a closed run an errored one.
                 on(self.journal.sync_data(), "write", &path)?;
-                return self.close_folder();
+                return self.close_folder(event);
             }
             _ => {}
         }
@@ -297,8 +301,29 @@ impl JournalFile {
         self.folder.put(&name, |out| pretty(out, &file))
     }
 
-    fn close_folder(&self) -> Result<(), StoreError> {
+    /// Writes into the chain that the run begins. Whoever waits for the first event waits for this line. Without it the run does
+    /// not begin, and its folder goes.
+    fn begin(&mut self, station: &str, event: &Event) -> Result<(), StoreError> {
+        let path = self.folder.path().join(JOURNAL);
+        on(self.journal.sync_data(), "write", &path)?;
+        let by = Scribe { station, at: event.at, key: self.folder.key(), late: None };
+        match chain::begin(self.folder.path(), &by) {
+            Ok(place) => self.began = Some(place),
+            Err(error) => {
+                // What the chain does not have has not begun. If the disk refuses this too, the next start seals the run.
+                if self.journal.set_len(0).is_ok() {
+                    self.folder.withdraw();
+                }
+                return Err(error);
+            }
+        }
+        Ok(())
+    }
+
+    fn close_folder(&self, event: &Event) -> Result<(), StoreError> {
         let record = RunRecord::from_state(&self.state.lock().unwrap_or_else(PoisonError::into_inner));
-        closing::close(&self.folder, record.as_ref(), &[], None)
+        let station = record.as_ref().map_or("", |record| record.station.as_str());
+        let by = Scribe { station, at: event.at, key: self.folder.key(), late: None };
+        closing::close(&self.folder, record.as_ref(), &[], &by, self.began.as_ref())
     }
 }

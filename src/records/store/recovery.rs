@@ -13,7 +13,7 @@ use gnc_executive::state::RunState;
 use nix::fcntl::{Flock, FlockArg};
 
 use super::begun::was_never_begun;
-use super::chain::{self, Before};
+use super::chain::{self, Before, Scribe};
 use super::closing::{clear_away, close, hold};
 use super::cut_off::{self, CutOffFile};
 use super::{DIGESTS, JOURNAL, RunFolder, StationKey, StoreError, late, reader};
@@ -57,6 +57,13 @@ pub struct Sealer<'a> {
     pub at: DateTime<FixedOffset>,
     /// Signs what is closed.
     pub key: Option<&'a StationKey>,
+}
+
+impl Sealer<'_> {
+    /// Writes lines of the chain.
+    pub(super) fn scribe(&self) -> Scribe<'_> {
+        Scribe { station: self.station, at: self.at, key: self.key, late: None }
+    }
 }
 
 /// Seals the interrupted runs, and closes late the runs of this station that ended and missed the chain. Returns a line
@@ -104,7 +111,7 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     let mut until = Until::new(time);
     let mut ended = Vec::new();
     for run in unknown {
-        match put_into_chain(records, &run) {
+        match put_into_chain(records, &run, &sealer.scribe()) {
             Ok(Left::Sealed(())) => lines.push(format!(
                 "{} was interrupted while the station sealed it; the sealing is complete now",
                 name(&run)
@@ -121,7 +128,7 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
         }
     }
     for run in open.into_iter().filter(|_| until.has_time()) {
-        match seal(&run, sealer.key) {
+        match seal(&run, &sealer.scribe()) {
             Ok(Left::Sealed(what)) => lines.push(format!("{} {what}", name(&run))),
             Ok(Left::Ended) => ended.push(run),
             Ok(Left::Alone) => {}
@@ -174,7 +181,7 @@ enum Left<T> {
 
 /// Appends a sealed run to the chain if a kill came between its digests and the chain. A run that ended is not appended
 /// here: it may have been inserted later.
-fn put_into_chain(records: &Path, run: &Path) -> Result<Left<()>, StoreError> {
+fn put_into_chain(records: &Path, run: &Path, by: &Scribe<'_>) -> Result<Left<()>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
     let Some(state) = reader::fold(run).ok().filter(|state| state.header().is_some()) else { return Ok(Left::Alone) };
@@ -186,12 +193,14 @@ fn put_into_chain(records: &Path, run: &Path) -> Result<Left<()>, StoreError> {
     if !is_unknown || !reader::verify(run).is_empty() {
         return Ok(Left::Alone);
     }
-    chain::append(run)?;
+    // An earlier version wrote no line when the run began.
+    chain::begin(run, by)?;
+    chain::append_as(run, by)?;
     Ok(Left::Sealed(()))
 }
 
 /// Seals a run without an end.
-fn seal(run: &Path, key: Option<&StationKey>) -> Result<Left<String>, StoreError> {
+fn seal(run: &Path, by: &Scribe<'_>) -> Result<Left<String>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
     // Another station may have sealed it meanwhile.
@@ -201,9 +210,10 @@ fn seal(run: &Path, key: Option<&StationKey>) -> Result<Left<String>, StoreError
         return Ok(Left::Ended);
     }
     clear_away(run)?;
-    let folder = RunFolder::existing(run).signed_with(key.cloned());
+    let folder = RunFolder::existing(run).signed_with(by.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
-    close(&folder, Some(&record), &cut_off, None)?;
+    let began = chain::begin(run, by)?;
+    close(&folder, Some(&record), &cut_off, by, Some(&began))?;
     Ok(Left::Sealed(in_words(&state, &record, &cut_off)))
 }
 
@@ -216,3 +226,6 @@ fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> Str
     let ended: String = cut_off.iter().map(|file| format!("{}; ", file.in_short())).collect();
     format!("was interrupted{during}{last}; {ended}it is sealed as interrupted; test {serial_number} again")
 }
+
+#[cfg(test)]
+mod tests;

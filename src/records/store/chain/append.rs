@@ -14,11 +14,11 @@ use gnc_files::Part;
 use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
-use super::entry::{ChainEntry, LateClose};
-use super::read::{chains, counter, name_in};
-use super::{CHAIN, COUNTER, NOTHING};
+use super::entry::{ChainEntry, Kind, Place, Scribe};
+use super::read::{chain_of, chains, counter, name_in};
+use super::{CHAIN, COUNTER, NOTHING, begin};
 use crate::store::folder::sync_dir;
-use crate::store::{DIGESTS, StoreError, digest, on};
+use crate::store::{DIGESTS, StoreError, digest, on, reader};
 
 /// Longest wait for another station that closes a run: that station writes two short files and waits for the disk.
 const LOCKED_FOR: Duration = Duration::from_secs(10);
@@ -30,53 +30,86 @@ pub(super) const NEWEST_DAYS: usize = 3;
 /// Time between two looks at the lock.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
+/// Appends a closed run to the chain, without a station and a key.
+///
+/// # Errors
+/// As [`append_as`].
+#[cfg(test)]
+pub(crate) fn append(run: &Path) -> Result<(), StoreError> {
+    let at = chrono::DateTime::UNIX_EPOCH.fixed_offset();
+    append_as(run, &Scribe { station: "test", at, key: None, late: None })
+}
+
 /// Appends a closed run to the chain. Its `SHA256SUMS` must be on disk.
 ///
 /// # Errors
 /// [`StoreError`]: the disk failed, or another station does not release the lock.
-pub(crate) fn append(run: &Path) -> Result<(), StoreError> {
-    append_as(run, None)
-}
-
-/// As [`append`], with the mark of a run that is closed late.
-pub(crate) fn append_as(run: &Path, late: Option<&LateClose>) -> Result<(), StoreError> {
-    let mut above = run.ancestors().skip(2);
-    let (Some(day), Some(records)) = (above.next(), above.next()) else {
-        return on(Err(io::ErrorKind::NotFound.into()), "find the records folder of", run);
-    };
-    let _lock = lock(records)?;
-    let (number, before) = last(records)?;
-    let number = on(next(number), "write", &day.join(CHAIN))?;
+pub(crate) fn append_as(run: &Path, by: &Scribe<'_>) -> Result<(), StoreError> {
+    let (day, records) = above(run)?;
+    let book = Book::open(records)?;
     let digest = digest::of_file(&run.join(DIGESTS))?;
     let name = name_in(records, run);
-    let link = ChainEntry::new(number, &before, &digest, &name, late.cloned());
-    write_line(day, &link.line())?;
-    // The line has closed the run. A counter that is behind is named by each check and mended by the next start.
-    let _ = count(records, link.number, &link.link);
-    Ok(())
+    let from = match chain_of(records, &name_in(records, day))? {
+        // It was moved since it began.
+        Some(chain) if reader::is_unassigned(run) => {
+            let began = begin::of_first_line(records, run).ok();
+            began.and_then(|began| begin::of(&chain, run, &name, &began).map(|line| line.run.clone()))
+        }
+        _ => None,
+    };
+    let from = from.as_deref().filter(|from| *from != name);
+    book.write(day, |last| ChainEntry::new(last, Kind::Close, &digest, &name, from, by)).map(drop)
 }
 
-/// The number behind the last one.
-fn next(number: u64) -> io::Result<u64> {
-    number.checked_add(1).ok_or_else(|| {
-        let why = "the last run has the highest number that there is: the chain or COUNTER was changed";
-        io::Error::new(io::ErrorKind::InvalidData, why)
-    })
-}
-
-/// Writes a line to the chain of a day. After an error the chain is as it was before.
-fn write_line(day: &Path, line: &str) -> Result<(), StoreError> {
-    let path = day.join(CHAIN);
-    let mut file = on(OpenOptions::new().create(true).append(true).open(&path), "write", &path)?;
-    let whole = on(whole_lines(&path), "read", &path)?;
-    on(file.set_len(whole), "write", &path)?;
-    let written = on(file.write_all(line.as_bytes()).and_then(|()| file.sync_all()), "write", &path);
-    let written = written.and_then(|()| sync_dir(day));
-    if written.is_err() {
-        // The reported error is that of the line. If this fails too, the run has no seal, and so it is not closed.
-        let _ = file.set_len(whole).and_then(|()| file.sync_all());
+/// The folder of a run's day, and the records folder.
+pub(super) fn above(run: &Path) -> Result<(&Path, &Path), StoreError> {
+    let mut above = run.ancestors().skip(2);
+    match (above.next(), above.next()) {
+        (Some(day), Some(records)) => Ok((day, records)),
+        _ => on(Err(io::ErrorKind::NotFound.into()), "find the records folder of", run),
     }
-    written
+}
+
+/// The chain of a records folder, held alone.
+pub(super) struct Book<'a> {
+    records: &'a Path,
+    _lock: Flock<File>,
+}
+
+impl<'a> Book<'a> {
+    pub(super) fn open(records: &'a Path) -> Result<Self, StoreError> {
+        Ok(Self { records, _lock: lock(records)? })
+    }
+
+    /// Writes the next line into the chain of a day. Behind an error the chain is as it was before.
+    pub(super) fn write(self, day: &Path, line: impl FnOnce(&Place) -> ChainEntry) -> Result<Place, StoreError> {
+        let before = last(self.records)?;
+        let path = day.join(CHAIN);
+        on(is_not_the_last(before.number), "write", &path)?;
+        let line = line(&before);
+        let mut file = on(OpenOptions::new().create(true).append(true).open(&path), "write", &path)?;
+        let whole = on(whole_lines(&path), "read", &path)?;
+        on(file.set_len(whole), "write", &path)?;
+        let written = on(file.write_all(line.line().as_bytes()).and_then(|()| file.sync_all()), "write", &path);
+        let written = written.and_then(|()| sync_dir(day)).and_then(|()| match count(self.records, &line.place()) {
+            // Nothing has power yet: a run begins only where it can be counted.
+            Err(error) if !line.is_close() => Err(error),
+            // The line has closed the run. A counter that is behind is named by each check and mended by the next start.
+            _ => Ok(()),
+        });
+        if written.is_err() {
+            // The reported error is that of the line. If this fails too, the run has no seal, so it is not closed.
+            let _ = file.set_len(whole).and_then(|()| file.sync_all());
+        }
+        written?;
+        Ok(line.place())
+    }
+}
+
+/// Numbers go on for ever, but not in a file that was changed.
+fn is_not_the_last(number: u64) -> io::Result<()> {
+    let why = "the chain or COUNTER says the highest number that there is, so it was changed";
+    if number < u64::MAX { Ok(()) } else { Err(io::Error::new(io::ErrorKind::InvalidData, why)) }
 }
 
 /// Bytes of a chain up to the end of its last whole line. A power cut or a full disk may leave half a line, which would
@@ -87,16 +120,20 @@ pub(super) fn whole_lines(path: &Path) -> io::Result<u64> {
 }
 
 /// Takes the lock of the whole folder: only one station at a time.
-#[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
 pub(super) fn lock(records: &Path) -> Result<Flock<File>, StoreError> {
+    lock_within(records, LOCKED_FOR)
+}
+
+#[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
+pub(super) fn lock_within(records: &Path, wait: Duration) -> Result<Flock<File>, StoreError> {
     let began = Instant::now();
     let mut folder = on(File::open(records), "read", records)?;
     loop {
         match Flock::lock(folder, FlockArg::LockExclusiveNonblock) {
             Ok(lock) => return Ok(lock),
-            Err((back, Errno::EAGAIN)) if began.elapsed() < LOCKED_FOR => folder = back,
+            Err((back, Errno::EAGAIN)) if began.elapsed() < wait => folder = back,
             Err((_, Errno::EAGAIN)) => {
-                let why = format!("another program holds it for more than {} s", LOCKED_FOR.as_secs());
+                let why = format!("another program holds it for more than {} s", wait.as_secs());
                 return on(Err(io::Error::new(io::ErrorKind::ResourceBusy, why)), "lock", records);
             }
             Err((_, error)) => return on(Err(error.into()), "lock", records),
@@ -106,24 +143,24 @@ pub(super) fn lock(records: &Path) -> Result<Flock<File>, StoreError> {
 }
 
 /// Writes number and link of the last run, in one step.
-pub(super) fn count(records: &Path, number: u64, link: &str) -> Result<(), StoreError> {
+pub(super) fn count(records: &Path, place: &Place) -> Result<(), StoreError> {
     let path = records.join(COUNTER);
     let mut part = on(Part::create(&path), "write", &path)?;
-    on(writeln!(part, "{number} {link}").and_then(|()| part.sync()), "write", &path)?;
+    on(writeln!(part, "{place}").and_then(|()| part.sync()), "write", &path)?;
     on(part.place(), "write", &path)?;
     sync_dir(records)
 }
 
-/// Number and link of the last run. A line that is not counted yet counts, and the chain alone counts if the counter cannot be
+/// Number and link of the last line. A line that is not counted yet counts, and the chain alone counts if the counter cannot be
 /// read.
-fn last(records: &Path) -> Result<(u64, String), StoreError> {
+fn last(records: &Path) -> Result<Place, StoreError> {
     let counted = match counted(records)? {
-        Counted::As(number, link) => (number, link),
-        Counted::Never | Counted::Unreadable => (0, NOTHING.to_owned()),
+        Counted::As(place) => place,
+        Counted::Never | Counted::Unreadable => Place { number: 0, link: NOTHING.to_owned() },
     };
-    let newest = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.links).max_by_key(|link| link.number);
+    let newest = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.lines).max_by_key(|link| link.number);
     Ok(match newest {
-        Some(link) if link.number > counted.0 => (link.number, link.link),
+        Some(link) if link.number > counted.number => link.place(),
         _ => counted,
     })
 }
@@ -133,7 +170,7 @@ pub(super) enum Counted {
     /// There is none.
     Never,
     /// Number and link.
-    As(u64, String),
+    As(Place),
     /// It is empty, or holds something else.
     Unreadable,
 }
@@ -142,7 +179,7 @@ pub(super) enum Counted {
 pub(super) fn counted(records: &Path) -> Result<Counted, StoreError> {
     Ok(match counter(records) {
         Ok(None) => Counted::Never,
-        Ok(Some((number, link))) => Counted::As(number, link),
+        Ok(Some(place)) => Counted::As(place),
         Err(StoreError::File { source, .. }) if source.kind() == io::ErrorKind::InvalidData => Counted::Unreadable,
         Err(error) => return Err(error),
     })

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::entry::ChainEntry;
-use super::read::{chain_of, chains, counter, name_in};
+use super::read::{DayChain, chain_of, chains, counter, name_in};
 use crate::store::StoreError;
 
 /// The closed runs among `runs` that are missing in the chains of their days.
@@ -18,8 +18,8 @@ pub(in crate::store) fn unknown(records: &Path, runs: Vec<PathBuf>) -> Result<Ve
         let name = name_in(records, &run);
         let day = name.split('/').next().unwrap_or_default();
         if !days.contains_key(day) {
-            let links = chain_of(records, day)?.map(|chain| chain.links).unwrap_or_default();
-            days.insert(day.to_owned(), links.into_iter().map(|link| link.run).collect());
+            let closes = chain_of(records, day)?.map(DayChain::into_closes).into_iter().flatten();
+            days.insert(day.to_owned(), closes.map(|line| line.run).collect());
         }
         if !days.get(day).is_some_and(|known| known.contains(&name)) {
             missing.push(run);
@@ -44,14 +44,19 @@ impl Before {
     /// # Errors
     /// [`StoreError`]: a chain or the counter cannot be read.
     pub(in crate::store) fn read(records: &Path) -> Result<Self, StoreError> {
-        let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.links).collect();
+        let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.lines).collect();
         let counted = counter(records)?;
         let last = links.iter().map(|link| link.number).max().unwrap_or(0);
         let first = links.iter().min_by_key(|link| link.number).map(|link| day_and_time(&link.run));
         let first = first.map(|(day, time)| (day.to_owned(), time.to_owned()));
-        let is_whole = counted.as_ref().is_none_or(|(number, _)| last >= *number);
+        let is_whole = counted.as_ref().is_none_or(|counted| last >= counted.number);
         let is_new = counted.is_none() && links.is_empty();
-        Ok(Self { known: links.into_iter().map(|link| link.run).collect(), first, is_whole, is_new })
+        Ok(Self {
+            known: links.into_iter().filter(ChainEntry::is_close).map(|link| link.run).collect(),
+            first,
+            is_whole,
+            is_new,
+        })
     }
 
     /// Whether nothing was ever counted in this folder: the run that ended is its first one, or the whole chain was lost.

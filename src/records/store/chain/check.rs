@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use super::COUNTER;
-use super::entry::ChainEntry;
+use super::entry::{ChainEntry, Place};
 use super::read::{chains, counter, name_in};
 use crate::store::{DIGESTS, StoreError, digest, goes_on, reader};
 
@@ -33,9 +33,9 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
     for day in chains.iter().filter(|day| day.broken > 0) {
         checked.problems.push(format!("{}: {} lines do not belong to a chain", day.path.display(), day.broken));
     }
-    let mut links: Vec<ChainEntry> = chains.into_iter().flat_map(|day| day.links).collect();
+    let mut links: Vec<ChainEntry> = chains.into_iter().flat_map(|day| day.lines).collect();
     links.sort_by_key(|link| link.number);
-    checked.runs = links.len();
+    checked.runs = links.iter().filter(|link| link.is_close()).count();
     checked.late = links.iter().filter(|link| link.late.is_some()).count();
     checked.first = links.first().map_or(0, |link| link.number);
     for pair in links.windows(2) {
@@ -47,7 +47,7 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
             ));
         }
     }
-    for link in &links {
+    for link in links.iter().filter(|link| link.is_close()) {
         look_at(records, link, &mut checked.problems);
     }
     slipped_in(&closed, &links, &mut checked.problems);
@@ -55,13 +55,13 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
         (None, Some(_)) => {
             checked.problems.push(format!("{COUNTER} is missing, so the number of runs is not known"));
         }
-        (Some((number, _)), last) if last.map_or(0, |last| last.number) < number => {
+        (Some(Place { number, .. }), last) if last.map_or(0, |last| last.number) < number => {
             let last = last.map_or(0, |last| last.number);
             checked.problems.push(format!(
                 "{number} runs were closed, but the chain ends at run {last}: the newest runs are missing"
             ));
         }
-        (Some((number, link)), _) if links.iter().any(|one| one.number == number && one.link != link) => {
+        (Some(Place { number, link }), _) if links.iter().any(|one| one.number == number && one.link != link) => {
             checked.problems.push(format!("run {number} is not the run that {COUNTER} remembers"));
         }
         _ => {}

@@ -41,17 +41,17 @@ impl DayLinks {
 /// The chain of a day. It is empty if the day has none. Links from day to day are left to [`verify`].
 pub(crate) fn of_day(records: &Path, day: &str) -> Result<DayLinks, StoreError> {
     let Some(mut chain) = chain_of(records, day)? else { return Ok(DayLinks::default()) };
-    chain.links.sort_by_key(|link| link.number);
-    let follows = |at: usize| match (chain.links.get(at), chain.links.get(at + 1)) {
-        (Some(link), Some(next)) if next.number == link.number + 1 => next.before == link.link,
+    chain.lines.sort_by_key(|line| line.number);
+    let follows = |at: usize| match (chain.lines.get(at), chain.lines.get(at + 1)) {
+        (Some(line), Some(next)) if next.number == line.number + 1 => next.before == line.link,
         // A run that went on past midnight is closed in the day before, so numbers of a day may have gaps.
-        (Some(link), Some(next)) => next.number > link.number,
+        (Some(line), Some(next)) => next.number > line.number,
         _ => true,
     };
-    let sound: Vec<bool> = (0..chain.links.len()).map(|at| chain.links[at].is_true() && follows(at)).collect();
-    let links = chain.links.into_iter().zip(sound);
-    let links = links.map(|(link, is_sound)| {
-        let ChainEntry { number, digest, run, late, .. } = link;
+    let sound: Vec<bool> = (0..chain.lines.len()).map(|at| chain.lines[at].is_true() && follows(at)).collect();
+    let closes = chain.lines.into_iter().zip(sound).filter(|(line, _)| line.is_close());
+    let links = closes.map(|(line, is_sound)| {
+        let ChainEntry { number, digest, run, late, .. } = line;
         (run, RunLink { number, digest, is_sound, late })
     });
     Ok(DayLinks(links.collect()))
@@ -85,12 +85,14 @@ pub fn standing(run: &Path) -> Result<ChainStanding, StoreError> {
         return Ok(if counted { ChainStanding::Missing } else { ChainStanding::NoChain });
     }
     let name = name_in(records, run);
-    let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.links).collect();
-    let Some(link) = links.iter().find(|link| link.run == name) else { return Ok(ChainStanding::Missing) };
+    let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.lines).collect();
+    let Some(link) = links.iter().find(|link| link.is_close() && link.run == name) else {
+        return Ok(ChainStanding::Missing);
+    };
     // A line that was written anew with all that it says does not fit the next line, or the counter.
     let follows = match links.iter().find(|next| next.number == link.number + 1) {
         Some(next) => next.before == link.link,
-        None => counter(records)?.is_none_or(|(number, last)| number != link.number || last == link.link),
+        None => counter(records)?.is_none_or(|last| last.number != link.number || last.link == link.link),
     };
     let is_same = digest::of_file(&run.join(DIGESTS))? == link.digest;
     let is_held = is_same && link.is_true() && follows;

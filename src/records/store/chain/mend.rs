@@ -7,7 +7,7 @@ use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::append::{Counted, NEWEST_DAYS, count, counted, lock, whole_lines};
-use super::entry::ChainEntry;
+use super::entry::{ChainEntry, Place};
 use super::read::chains;
 use super::{CHAIN, COUNTER};
 use crate::store::folder::PART;
@@ -33,7 +33,7 @@ enum Fault {
     /// A counter that was not completely written.
     CounterPart(PathBuf),
     /// The counter is not what the chain says.
-    Counter { was: Counted, number: u64, link: String },
+    Counter { was: Counted, last: Option<Place> },
     /// The counter remembers more runs than the chain has.
     Ahead { counted: u64, last: u64 },
 }
@@ -52,21 +52,22 @@ fn look(records: &Path) -> Result<Vec<Fault>, StoreError> {
     }
     let counted = counted(records)?;
     let newest_of = |days| -> Result<_, StoreError> {
-        Ok(chains(records, days)?.into_iter().flat_map(|day| day.links).max_by_key(|link| link.number))
+        Ok(chains(records, days)?.into_iter().flat_map(|day| day.lines).max_by_key(|link| link.number))
     };
     let mut newest = newest_of(NEWEST_DAYS)?;
     let number = |newest: &Option<ChainEntry>| newest.as_ref().map_or(0, |link| link.number);
     // A clock that was set back leaves the last line in an older day.
-    if !matches!(&counted, Counted::As(counted, _) if *counted <= number(&newest)) {
+    if !matches!(&counted, Counted::As(counted) if counted.number <= number(&newest)) {
         newest = newest_of(usize::MAX)?;
     }
     let last = number(&newest);
     match (counted, newest) {
-        (Counted::As(counted, _), _) if counted > last => faults.push(Fault::Ahead { counted, last }),
-        (Counted::As(counted, _), Some(_)) if counted == last => {}
-        (Counted::As(..) | Counted::Never, None) => {}
-        (was @ Counted::Unreadable, None) => faults.push(Fault::Counter { was, number: 0, link: String::new() }),
-        (was, Some(link)) => faults.push(Fault::Counter { was, number: link.number, link: link.link }),
+        (Counted::As(counted), _) if counted.number > last => {
+            faults.push(Fault::Ahead { counted: counted.number, last });
+        }
+        (Counted::As(counted), Some(_)) if counted.number == last => {}
+        (Counted::As(_) | Counted::Never, None) => {}
+        (was, newest) => faults.push(Fault::Counter { was, last: newest.map(|line| line.place()) }),
     }
     Ok(faults)
 }
@@ -102,27 +103,29 @@ impl Fault {
                 // What every write of the counter makes and takes away is not worth a word.
                 return Ok(is_folder.then(|| format!("an empty folder {COUNTER}.{PART} was in the way; it is removed")));
             }
-            Self::Counter { was: Counted::Unreadable, number: 0, .. } => {
+            Self::Counter { last: None, .. } => {
                 let path = records.join(COUNTER);
                 on(fs::remove_file(&path), "remove", &path)?;
                 format!("{COUNTER} held no number and link, and there is no chain; it is removed")
             }
-            Self::Counter { was, number, link } => {
-                count(records, number, &link)?;
+            Self::Counter { was, last: Some(last) } => {
+                count(records, &last)?;
+                let number = last.number;
                 match was {
-                    Counted::As(was, _) => format!(
-                        "{COUNTER} stood at run {was} and the chain ends at run {number}, as a sudden end leaves it; it is mended"
+                    Counted::As(was) => format!(
+                        "{COUNTER} stood at line {} and the chain ends at line {number}, as a sudden end leaves it; it is mended",
+                        was.number
                     ),
                     Counted::Never => {
-                        format!("{COUNTER} was missing; it is made again from the chain, which ends at run {number}")
+                        format!("{COUNTER} was missing; it is made again from the chain, which ends at line {number}")
                     }
                     Counted::Unreadable => format!(
-                        "{COUNTER} held no number and link; it is made again from the chain, which ends at run {number}"
+                        "{COUNTER} held no number and link; it is made again from the chain, which ends at line {number}"
                     ),
                 }
             }
             Self::Ahead { counted, last } => format!(
-                "{counted} runs were closed, but the chain ends at run {last}: the newest runs are missing; `gnc-station records verify` tells more"
+                "{COUNTER} stands at line {counted}, but the chain ends at line {last}: the newest lines are missing; `gnc-station records verify` tells more"
             ),
         }))
     }

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::read::{chain_of, name_in};
+use super::read::{DayChain, chain_of, name_in};
 use crate::store::reader::when;
 
 /// The runs in the order in which they were closed, the first one first. A run that no chain names has the place of its folder:
@@ -17,8 +17,8 @@ pub(crate) fn by_close(records: &Path, mut runs: Vec<PathBuf>) -> Vec<PathBuf> {
         let day = name.split('/').next().unwrap_or_default();
         if !days.contains_key(day) {
             // `records verify` tells why a chain cannot be read. The list goes by the folders then.
-            let links = chain_of(records, day).ok().flatten().map(|chain| chain.links).unwrap_or_default();
-            days.insert(day.to_owned(), links.into_iter().map(|link| (link.run, link.number)).collect());
+            let links = chain_of(records, day).ok().flatten().map(DayChain::into_closes).into_iter().flatten();
+            days.insert(day.to_owned(), links.map(|link| (link.run, link.number)).collect());
         }
         days.get(day).and_then(|links| links.get(&name)).copied()
     };

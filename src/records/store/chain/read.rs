@@ -1,21 +1,25 @@
 //! Reads the chains of the days and the counter.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::entry::ChainEntry;
+use super::entry::{ChainEntry, Place};
 use super::{CHAIN, COUNTER};
 use crate::store::{StoreError, on, reader};
 
-pub(super) fn counter(records: &Path) -> Result<Option<(u64, String)>, StoreError> {
+/// Longest chain of a day that is read: a hundred thousand lines of a kilobyte.
+const MAX_CHAIN_BYTES: u64 = 100 << 20;
+/// Longest counter that is read: a number and a link, and whatever a person who copies it leaves behind them.
+const MAX_COUNTER_BYTES: u64 = 4096;
+
+/// Number and link of the last line, as the counter has them; `None` without a counter.
+pub(super) fn counter(records: &Path) -> Result<Option<Place>, StoreError> {
     let path = records.join(COUNTER);
-    let text = match fs::read_to_string(&path) {
+    let bytes = match gnc_files::read_below(records, Path::new(COUNTER), MAX_COUNTER_BYTES) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         read => on(read, "read", &path)?,
     };
-    let read = text.trim_end().split_once(' ').and_then(|(number, link)| Some((number.parse().ok()?, link.to_owned())));
-    match read {
+    match std::str::from_utf8(&bytes).ok().and_then(Place::parse) {
         Some(counted) => Ok(Some(counted)),
         None => on(Err(io::Error::new(io::ErrorKind::InvalidData, "it holds no number and link")), "read", &path),
     }
@@ -24,9 +28,22 @@ pub(super) fn counter(records: &Path) -> Result<Option<(u64, String)>, StoreErro
 /// The chain of a day.
 pub(super) struct DayChain {
     pub(super) path: PathBuf,
-    pub(super) links: Vec<ChainEntry>,
+    /// All of its lines, in the order of the file.
+    pub(super) lines: Vec<ChainEntry>,
     /// Number of broken lines; the last one may be half a line after a power cut.
     pub(super) broken: usize,
+}
+
+impl DayChain {
+    /// The lines of closed runs.
+    pub(super) fn closes(&self) -> impl Iterator<Item = &ChainEntry> {
+        self.lines.iter().filter(|line| line.is_close())
+    }
+
+    /// The lines of closed runs, taken over.
+    pub(super) fn into_closes(self) -> impl Iterator<Item = ChainEntry> {
+        self.lines.into_iter().filter(ChainEntry::is_close)
+    }
 }
 
 /// The chains of so many days, newest day first.
@@ -41,17 +58,19 @@ pub(super) fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, Store
 /// The chain of a day, if it has one.
 pub(super) fn chain_of(records: &Path, day: &str) -> Result<Option<DayChain>, StoreError> {
     let path = records.join(day).join(CHAIN);
-    // After a power cut anything may stand behind the last whole line.
-    let text = match fs::read(&path) {
+    let within = Path::new(day).join(CHAIN);
+    let bytes = match gnc_files::read_below(records, &within, MAX_CHAIN_BYTES) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        read => String::from_utf8_lossy(&on(read, "read", &path)?).into_owned(),
+        read => on(read, "read", &path)?,
     };
-    // Half a line may look like a whole one with a shorter name, so a line counts with its end only.
-    let lines = || text.split_inclusive('\n');
-    let whole = lines().filter_map(|line| line.strip_suffix('\n'));
-    let links: Vec<ChainEntry> = whole.filter_map(ChainEntry::parse).collect();
-    let broken = lines().count() - links.len();
-    Ok(Some(DayChain { path, links, broken }))
+    // Half a line may look like a whole one with a shorter name, so a line counts with its end only. After a power cut
+    // anything may stand behind the last whole line.
+    let lines = || bytes.split_inclusive(|byte| *byte == b'\n');
+    let whole = lines().filter_map(|line| line.strip_suffix(b"\n"));
+    let whole: Vec<ChainEntry> =
+        whole.filter_map(|line| std::str::from_utf8(line).ok().and_then(ChainEntry::parse)).collect();
+    let broken = lines().count() - whole.len();
+    Ok(Some(DayChain { path, lines: whole, broken }))
 }
 
 /// `DATE/SERIAL/TIME-PLAN` of a run.

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::entry::ChainEntry;
+use super::entry::{ChainEntry, Kind};
 use super::*;
 use crate::store::{DIGESTS, digest};
 
@@ -43,12 +43,33 @@ fn runs_of_two_days_are_one_chain() {
     );
 }
 
-/// The links, computed by another program: `printf '1 000.. DIGEST RUN' | sha256sum`.
+/// The links, computed by another program: `printf '1 000.. DIGEST close STATION TIME RUN' | sha256sum`; a line of an earlier
+/// version says neither station nor time.
 #[test]
 fn a_link_is_what_the_document_says() {
     let digest = "b5bb9d8014a0f9b1d61e21e796d78dccdf1352f23cd32812f4850b878ae4944c";
-    let link = ChainEntry::new(1, NOTHING, digest, "2026-11-22/SN-1/120000-functional", None);
-    assert_eq!(link.link, "98fc0d13d35717ee33a1c597a2a2541a3645d1baeda8e6c44bb46d846abedf50");
+    let run = "2026-11-22/SN-1/120000-functional";
+    let nothing = Place { number: 0, link: NOTHING.to_owned() };
+    let at = "2026-11-22T12:00:07+08:00".parse().expect("a time");
+    let late = LateClose { at: "2026-11-23T08:00:00+08:00".to_owned(), by: "gnc-station-1.2".to_owned() };
+    let by = Scribe { station: "line 2%", at, key: None, late: None };
+    let line = ChainEntry::new(&nothing, Kind::Close, digest, run, None, &by);
+    assert_eq!(
+        line.line(),
+        format!(
+            "1 {NOTHING} {digest} c14641e04828ce59e7c5e91fca88e5d17538e0a600499cbde84b34ed838aee35 close line%202%25 2026-11-22T12:00:07+08:00 {run}\n"
+        )
+    );
+    let by = Scribe { late: Some(&late), ..by };
+    let line = ChainEntry::new(&nothing, Kind::Close, digest, run, Some("2026-11-22/A/120000-functional"), &by);
+    assert_eq!(line.link, "4ca248c51a20a71f071c301ee146926b16ba612204ced64508d9bb3ea81657db");
+    let old = format!("1 {NOTHING} {digest} 98fc0d13d35717ee33a1c597a2a2541a3645d1baeda8e6c44bb46d846abedf50 {run}");
+    assert!(ChainEntry::parse(&old).is_some_and(|line| line.is_true() && line.is_close() && line.stamp.is_none()));
+    for other in
+        [format!(" {old}"), format!("{old} "), old.replacen('1', "01", 1), format!("{old} from"), format!("{old} x")]
+    {
+        assert_eq!(ChainEntry::parse(&other), None, "{other}");
+    }
 }
 
 #[test]
@@ -175,13 +196,13 @@ fn one_run_is_looked_up() {
         let name = run.strip_prefix(folder.path()).expect("below").to_string_lossy().into_owned();
         let lines = text.lines().filter_map(ChainEntry::parse).filter(|link| !drop || link.run != name);
         let lines = lines.map(|link| match link.run == name {
-            true => ChainEntry::new(
-                link.number,
-                &link.before,
-                &digest::of_file(&run.join(DIGESTS)).expect("digests"),
-                &name,
-                None,
-            ),
+            true => {
+                let before = Place { number: link.number - 1, link: link.before };
+                let digest = digest::of_file(&run.join(DIGESTS)).expect("digests");
+                let at = "2026-11-22T12:00:07+08:00".parse().expect("a time");
+                let by = Scribe { station: "test", at, key: None, late: None };
+                ChainEntry::new(&before, Kind::Close, &digest, &name, None, &by)
+            }
             false => link,
         });
         let text: String = lines.map(|link| link.line()).collect();

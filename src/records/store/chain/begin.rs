@@ -1,0 +1,59 @@
+//! The line of a run's beginning: a run that is taken away before its end leaves a hole.
+
+use std::io::Read as _;
+use std::path::Path;
+
+use super::append::{Book, above};
+use super::entry::{ChainEntry, Kind, Place, Scribe};
+use super::read::{DayChain, chain_of, name_in};
+use crate::store::begun::MAX_FIRST_EVENT_BYTES;
+use crate::store::{JOURNAL, StoreError, digest, on, reader};
+
+/// Writes that a run begins. The first line of its journal must be on disk. A run that has such a line keeps it.
+///
+/// # Errors
+/// [`StoreError`]: the disk failed, or another station does not release the lock.
+pub(crate) fn begin(run: &Path, by: &Scribe<'_>) -> Result<Place, StoreError> {
+    let (day, records) = above(run)?;
+    let book = Book::open(records)?;
+    let digest = of_first_line(records, run)?;
+    let name = name_in(records, run);
+    let chain = chain_of(records, &name_in(records, day))?;
+    if let Some(line) = chain.as_ref().and_then(|chain| of(chain, run, &name, &digest)) {
+        return Ok(line.place());
+    }
+    book.write(day, |last| ChainEntry::new(last, Kind::Begin, &digest, &name, None, by))
+}
+
+/// The line of a run's beginning among those of its day. The folder of a run that turned out to be of another module was moved,
+/// so its journal tells which one it is.
+pub(super) fn of<'a>(chain: &'a DayChain, run: &Path, name: &str, digest: &str) -> Option<&'a ChainEntry> {
+    let begins = || chain.lines.iter().filter(|line| line.kind == Kind::Begin && line.digest == digest);
+    let is_free = |line: &ChainEntry| !chain.closes().any(|close| close.began_as() == line.run);
+    let moved = || begins().find(|line| reader::is_unassigned(run) && is_free(line));
+    begins().find(|line| line.run == name).or_else(moved)
+}
+
+/// Number and link of the line of a run's beginning; `None` if it has none.
+///
+/// # Errors
+/// The chain of its day cannot be read.
+pub fn place_of(run: &Path) -> Result<Option<Place>, StoreError> {
+    let run = &on(std::path::absolute(run), "find", run)?;
+    let Ok((day, records)) = above(run) else { return Ok(None) };
+    let Some(chain) = chain_of(records, &name_in(records, day))? else { return Ok(None) };
+    let name = name_in(records, run);
+    let began = chain.closes().find(|line| line.run == name).map_or(name.as_str(), ChainEntry::began_as);
+    Ok(chain.lines.iter().find(|line| line.kind == Kind::Begin && line.run == began).map(ChainEntry::place))
+}
+
+/// Digest of the first line of a run's journal, with its end.
+pub(super) fn of_first_line(records: &Path, run: &Path) -> Result<String, StoreError> {
+    let path = run.join(JOURNAL);
+    let within = path.strip_prefix(records).unwrap_or(&path);
+    let mut line = Vec::new();
+    let journal = on(gnc_files::below(records, within), "read", &path)?;
+    on(journal.take(MAX_FIRST_EVENT_BYTES).read_to_end(&mut line), "read", &path)?;
+    let end = line.iter().position(|byte| *byte == b'\n').map_or(line.len(), |end| end + 1);
+    Ok(digest::of_bytes(line.get(..end).unwrap_or_default()))
+}
