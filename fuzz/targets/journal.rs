@@ -44,12 +44,12 @@ fn written_again(good: &[u8], state: &RunState) {
 
 fn shown(record: &RunRecord) {
     let _ = (text::log_txt(record), text::verdict_line(record), text::failing_rows(record));
-    let passport = passport::of_run(record, "0");
+    let passport = passport::of_run(record, "0", None);
     if let Ok(passport) = &passport {
         passport::xml(passport).expect("a passport as XML");
     }
     let mut page = Vec::new();
-    report::html(&mut page, record, &passport, &[], None).expect("a page in memory");
+    report::html(&mut page, record, &passport, &[], None, None).expect("a page in memory");
     let page = String::from_utf8(page).expect("a page is text");
     assert!(!page.contains("<script"));
     let written = serde_json::to_string(record).expect("a record is written");

@@ -47,6 +47,10 @@ pub struct Origin {
     pub numbers: Vec<PassportNumber>,
     /// SHA-256 of the lines of SHA256SUMS for all files but the papers.
     pub record_sha256: String,
+    /// Number and link of the line that the chain got when the run began: they witness all runs before it. Earlier versions
+    /// wrote no such line.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chain: Option<String>,
 }
 
 /// A number beside the serial number.

@@ -31,7 +31,8 @@ const PARTIAL: &str = "partial";
 pub const REPORT: &str = "report.html";
 
 /// Writes the report. `passport` is that of the run, or the reason why it has none. `digests` are those of the files in
-/// the record that the report describes: name and SHA-256. `late` says how the run was closed late.
+/// the record that the report describes: name and SHA-256. `late` says how the run was closed late, `chain` is the
+/// number and link of the line of its beginning.
 ///
 /// # Errors
 /// The error of `out`.
@@ -41,6 +42,7 @@ pub fn html(
     passport: &Result<Passport, NoPassport>,
     digests: &[(String, String)],
     late: Option<&str>,
+    chain: Option<&str>,
 ) -> io::Result<()> {
     let title = format!("{} {} {}", record.serial_number, record.plan.name, record.started.format("%F %T"));
     let mut page = SvgPage::new(out, &title);
@@ -57,7 +59,7 @@ pub fn html(
     }
     breaches(&mut page, record);
     notes(&mut page, record);
-    how_to_read(&mut page, record, digests);
+    how_to_read(&mut page, record, digests, chain);
     page.finish()
 }
 
@@ -271,7 +273,7 @@ fn notes(page: &mut SvgPage, record: &RunRecord) {
     page.close("table");
 }
 
-fn how_to_read(page: &mut SvgPage, record: &RunRecord, digests: &[(String, String)]) {
+fn how_to_read(page: &mut SvgPage, record: &RunRecord, digests: &[(String, String)], chain: Option<&str>) {
     page.element("h2", "", "How to read this");
     page.element(
         "p",
@@ -300,6 +302,15 @@ fn how_to_read(page: &mut SvgPage, record: &RunRecord, digests: &[(String, Strin
         page.row("td", &[name, digest]);
     }
     page.close("table");
+    if let Some(chain) = chain {
+        page.element(
+            "p",
+            "",
+            "When the run began, the chain of the records folder had got this line, its number and its link. It witnesses all runs \
+             before it: `gnc-station records verify --head` with both, in quotation marks, finds whether they are still as they were.",
+        );
+        page.element("pre", "", chain);
+    }
 }
 
 fn anchor(name: &str) -> String {

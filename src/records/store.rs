@@ -15,6 +15,7 @@ pub mod head;
 pub(crate) mod key;
 mod late;
 pub(crate) mod name;
+mod names;
 mod raw;
 pub mod reader;
 mod record_writer;

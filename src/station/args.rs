@@ -32,9 +32,17 @@ pub(crate) enum RecordsCommand {
     Verify {
         /// Folders or serial numbers of runs; by default all runs.
         runs: Vec<PathBuf>,
-        /// The station's public key: each run must have a signature by the private key that belongs to it.
+        /// The station's public key: each run, and its lines in the chain, must have a signature by the private key that belongs
+        /// to it. May be given several times, for a folder of several stations.
         #[arg(long, value_name = "FILE.pub")]
-        key: Option<PathBuf>,
+        key: Vec<PathBuf>,
+        /// A copy of COUNTER that was kept in another place: the chain must hold that line. May be given several times.
+        #[arg(long, value_name = "FILE")]
+        counter: Vec<PathBuf>,
+        /// Number and link of a line, as a report or a passport names them: the chain must hold that line. May be given several
+        /// times.
+        #[arg(long, value_name = "N LINK")]
+        head: Vec<String>,
     },
     /// Makes a pair of keys: the station signs its runs with FILE (`key` under `[station]` in its bench file), and FILE.pub
     /// verifies them.

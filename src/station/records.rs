@@ -2,6 +2,7 @@
 
 mod list;
 mod place;
+mod verify;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -10,18 +11,15 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::standing::Seal;
 use gnc_executive::text;
 use gnc_records::store::chain::LateCloses;
-use gnc_records::store::reader::{self, ReadError, Wanted};
-use gnc_records::store::{PublicKey, StationKey, StoreError, chain};
+use gnc_records::store::reader::{self, Wanted};
+use gnc_records::store::{StationKey, StoreError, chain, goes_on};
 use gnc_text::printable;
 
 use crate::args::RecordsCommand;
-use crate::refusal::{CommandRefusal, complain, refuse};
+use crate::refusal::{CommandRefusal, refuse};
 use crate::wording::{Lines, Wording, padded};
 pub(crate) use place::RecordsArgs;
 use place::RecordsPlace;
-
-/// Exit code of a verification that found something.
-const NOT_AS_WRITTEN: u8 = 1;
 
 pub(crate) fn run(what: &RecordsCommand, records: &RecordsArgs) -> ExitCode {
     let done = match what {
@@ -30,10 +28,7 @@ pub(crate) fn run(what: &RecordsCommand, records: &RecordsArgs) -> ExitCode {
             Some(newest) => show(newest),
             None => no_such(run, place.as_ref()),
         }),
-        RecordsCommand::Verify { runs, key } => match key.as_deref().map(PublicKey::read).transpose() {
-            Ok(key) => verify(records, runs, key.as_ref()),
-            Err(error) => return refuse(gnc_text::with_causes(&error), error.try_this()),
-        },
+        RecordsCommand::Verify { runs, key, counter, head } => verify::run(records, runs, key, counter, head),
         RecordsCommand::Key { file } => return make_key(file),
     };
     done.unwrap_or_else(|refusal| refuse(refusal.what, &refusal.try_this))
@@ -82,109 +77,17 @@ fn show(folder: &Path) -> ExitCode {
             if let Ok(Some(late)) = LateCloses::default().of(folder) {
                 out.say(format_args!("\nCLOSED LATE: {}", printable(&late.in_words())));
             }
+            let lacks = || LateCloses::default().lacks(folder).is_ok_and(|lacks| lacks);
+            if !run.interrupted && !goes_on(folder) && (!reader::is_sealed(folder) || lacks()) {
+                out.say("\nNOT CLOSED: its station ended, or could not write, before the run was in the chain; it is not a pass");
+            }
+            if let Ok(Some(place)) = chain::place_of(folder) {
+                out.say(format_args!("\nChain: {place}"));
+            }
             ExitCode::SUCCESS
         }
         Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
     }
-}
-
-fn verify(records: &RecordsArgs, runs: &[PathBuf], key: Option<&PublicKey>) -> Result<ExitCode, CommandRefusal> {
-    let mut out = Lines::to_stdout();
-    let all = if runs.is_empty() { Some(records.find()?) } else { None };
-    let folders = match &all {
-        Some(place) => reader::paths(&place.path).map_err(|error| store_refusal(&error))?,
-        None => {
-            let mut folders = Vec::new();
-            for run in runs {
-                let (named, place) = resolve_in(records, run)?;
-                if named.is_empty() {
-                    return Ok(no_such(run, place.as_ref()));
-                }
-                folders.extend(named);
-            }
-            folders
-        }
-    };
-    let (mut bad, mut newer, mut running, mut never_begun) = (0, 0, 0, 0);
-    let mut late_closes = LateCloses::default();
-    for folder in &folders {
-        let mut found = reader::check(folder);
-        let place = folder.display();
-        if found.running {
-            running += 1;
-            out.say(format_args!("{place}: running: its record can be verified when the run has ended"));
-            continue;
-        }
-        if found.never_begun {
-            never_begun += 1;
-            out.say(format_args!("{place}: {}", ReadError::NeverBegun));
-            continue;
-        }
-        found.problems.extend(key.and_then(|key| reader::verify_signature(folder, key)));
-        let whole = found.problems.is_empty();
-        let late = late_closes.of(folder).map_err(|error| store_refusal(&error))?;
-        if let Some(late) = &late {
-            let now =
-                if whole { "its files are as the journal left them" } else { "its files were changed after that" };
-            out.say(format_args!("{place}: {}; {now}", printable(&late.in_words())));
-        }
-        match &found.newer {
-            Some(why) if whole => {
-                out.say(format_args!("{place}: {why}: its digests agree, but this version cannot compare its journal"));
-            }
-            Some(why) => out.say(format_args!("{place}: {why}")),
-            None if whole && late.is_none() => out.say(format_args!("{place}: as written")),
-            None => {}
-        }
-        for problem in &found.problems {
-            out.say_of(&place.to_string(), printable(problem));
-        }
-        bad += usize::from(!whole);
-        newer += usize::from(whole && found.newer.is_some());
-    }
-    let (whole, ended) = (folders.len() - bad - newer - running - never_begun, folders.len() - running - never_begun);
-    out.say(format_args!("{whole} of {ended} runs are as written"));
-    if let Some(place) = &all {
-        bad += along_the_chain(&place.path, &mut out).map_err(|error| store_refusal(&error))?;
-    }
-    if bad > 0 {
-        let try_this = "test the module of an interrupted run again; restore changed files from a backup";
-        complain("these records are not as they were written, so they prove nothing", try_this);
-        return Ok(ExitCode::from(NOT_AS_WRITTEN));
-    }
-    if newer > 0 {
-        let what = format!(
-            "a newer version of the station wrote {newer} of these records: this version found nothing wrong, but cannot check all of them"
-        );
-        return Ok(refuse(what, "verify them with that version, or a later one"));
-    }
-    // Who verifies all runs of a station that works gets no alarm; who names a run wants to know about that one.
-    if running > 0 && all.is_none() {
-        return Ok(refuse(format_args!("{running} of these runs go on"), "verify them when they have ended"));
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Prints what the chain of closed runs shows, and returns the number of its problems.
-fn along_the_chain<W: std::io::Write>(records: &Path, out: &mut Lines<W>) -> Result<usize, StoreError> {
-    let chain::ChainCheck { runs, first, problems, late } = chain::verify(records)?;
-    if problems.is_empty() && runs > 0 {
-        let elsewhere = if first > 1 {
-            format!(" from run {first} on; earlier runs are not in this folder")
-        } else {
-            String::new()
-        };
-        out.say(format_args!("the chain of {runs} closed runs is whole{elsewhere}"));
-    }
-    match late {
-        0 => {}
-        1 => out.say("1 run of the chain was closed late and never counts as a pass"),
-        late => out.say(format_args!("{late} runs of the chain were closed late and never count as a pass")),
-    }
-    for problem in &problems {
-        out.say_of(&out.wording.text("chain"), printable(problem));
-    }
-    Ok(problems.len())
 }
 
 /// The runs that the user named, oldest first: by a folder, from here or below the records folder, or by a serial

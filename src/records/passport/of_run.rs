@@ -73,11 +73,11 @@ pub enum NoPassport {
 }
 
 /// The passport of a run. The run must cover the whole plan, calibrate accelerometers and gyroscopes, come to its end,
-/// and be passed or marginal. `record_sha256` is that of [`Origin`].
+/// and be passed or marginal. `record_sha256` and `chain` are those of [`Origin`].
 ///
 /// # Errors
 /// [`NoPassport`] says why the run has none.
-pub fn of_run(record: &RunRecord, record_sha256: &str) -> Result<Passport, NoPassport> {
+pub fn of_run(record: &RunRecord, record_sha256: &str, chain: Option<&str>) -> Result<Passport, NoPassport> {
     let is_planned = |item: &ItemId| record.items.iter().any(|planned| planned.id == *item);
     if !NEEDED.iter().any(is_planned) {
         return Err(NoPassport::NoCalibration);
@@ -94,7 +94,7 @@ pub fn of_run(record: &RunRecord, record_sha256: &str) -> Result<Passport, NoPas
         Verdict::Module(outcome) | Verdict::Selection(outcome) => return Err(NoPassport::Outcome { outcome }),
     }
     let found: Vec<(String, Findings)> = record.items.iter().filter_map(findings).collect();
-    of(&record.serial_number, supply_v(record), origin(record, record_sha256), &found)
+    of(&record.serial_number, supply_v(record), origin(record, record_sha256, chain), &found)
 }
 
 /// The findings that count for an item: those of the last round of its last attempt.
@@ -114,7 +114,7 @@ fn supply_v(record: &RunRecord) -> Option<f64> {
     Some(number(&found, &SUPPLY_VOLTAGE, Unit::Volt)).filter(|volts| volts.is_finite())
 }
 
-fn origin(record: &RunRecord, record_sha256: &str) -> Origin {
+fn origin(record: &RunRecord, record_sha256: &str, chain: Option<&str>) -> Origin {
     let board =
         record.board.as_ref().map(|board| format!(", slave board {}, firmware {}", board.board_serial, board.firmware));
     let earlier = |run: &Option<gnc_executive::event::EarlierRun>| run.as_ref().map(|run| plain(&run.run));
@@ -130,6 +130,7 @@ fn origin(record: &RunRecord, record_sha256: &str) -> Origin {
         resumed_from: earlier(&record.resumed),
         numbers: record.numbers.iter().map(number_of).collect(),
         record_sha256: record_sha256.to_owned(),
+        chain: chain.map(str::to_owned),
     }
 }
 

@@ -166,7 +166,8 @@ fn the_schema_has_the_same_keys() {
     all[0].1.details.to_mut()["budget"] = budget();
     all[0].1.details.to_mut()["calibration"]["mag"] = json!({ "dx": 0.0, "dy": 0.0, "ky": 1.0, "sin_alpha": 0.0 });
     let number = PassportNumber { key: "order".into(), label: "Order".into(), value: "PO-1".into() };
-    let origin = Origin { numbers: vec![number], ..Origin::default() };
+    let chain = Some(format!("12 {}", "0".repeat(64)));
+    let origin = Origin { numbers: vec![number], chain, ..Origin::default() };
     let passport = of("SN-1", None, origin, &all).unwrap();
     compare(&schema, &serde_json::to_value(&passport).unwrap(), "");
 }

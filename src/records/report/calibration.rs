@@ -61,6 +61,7 @@ pub(super) fn show(page: &mut SvgPage, passport: &Result<Passport, NoPassport>) 
         ("Judged again from", origin.recomputed_from.clone()),
         ("Captures taken over from", origin.resumed_from.clone()),
         ("Record, SHA-256", Some(origin.record_sha256.clone())),
+        ("Chain", origin.chain.clone()),
     ];
     page.open("table", "facts");
     for (name, value) in measured.into_iter().chain(beside) {

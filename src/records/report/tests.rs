@@ -70,7 +70,7 @@ fn record(serial_number: &str) -> RunRecord {
 
 fn shown(record: &RunRecord, passport: &Result<Passport, NoPassport>, digests: &[(String, String)]) -> String {
     let mut out = Vec::new();
-    html(&mut out, record, passport, digests, None).expect("memory takes all");
+    html(&mut out, record, passport, digests, None, None).expect("memory takes all");
     String::from_utf8(out).expect("text")
 }
 

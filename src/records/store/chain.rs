@@ -27,18 +27,23 @@ mod begin;
 mod check;
 mod entry;
 mod links;
+mod matching;
 mod mend;
 mod order;
+mod places;
 mod read;
+mod signed;
+mod times;
 
 pub(crate) use apart::{apart, last_number};
 #[cfg(test)]
 pub(crate) use append::append;
 pub(crate) use append::append_as;
+pub use append::try_out;
 pub(super) use before::{Before, unknown};
 pub(crate) use begin::begin;
 pub use begin::place_of;
-pub use check::{ChainCheck, verify};
+pub use check::{Against, ChainBook, ChainCheck, Head, verify, verify_against};
 pub(crate) use entry::Scribe;
 pub use entry::{LateClose, Place};
 pub use links::{ChainStanding, LateCloses, standing};

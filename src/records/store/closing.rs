@@ -71,7 +71,7 @@ fn seal_files(
     record: Option<&RunRecord>,
     cut_off: &[CutOffFile],
     by: &Scribe<'_>,
-    _began: Option<&Place>,
+    began: Option<&Place>,
 ) -> Result<(), StoreError> {
     let late = by.late;
     let mut sums = FileDigests::default();
@@ -82,7 +82,7 @@ fn seal_files(
         folder.put(LOG, |out| out.write_all(log(record, cut_off, late).as_bytes()))?;
         folder.put(RECORD, |out| pretty(out, record))?;
         sums.add_new(folder.path())?;
-        file_papers(folder, record, cut_off, late, &mut sums)?;
+        file_papers(folder, record, cut_off, late, began, &mut sums)?;
     }
     // One wait for all files of the run, then the digests that cover them.
     folder.sync()?;
@@ -116,10 +116,12 @@ fn file_papers(
     record: &RunRecord,
     cut_off: &[CutOffFile],
     late: Option<&LateClose>,
+    began: Option<&Place>,
     sums: &mut FileDigests,
 ) -> Result<(), StoreError> {
     let record_sha256 = sums.of_record();
-    let passport = passport::of_run(record, &record_sha256);
+    let chain = began.map(ToString::to_string);
+    let passport = passport::of_run(record, &record_sha256, chain.as_deref());
     let passport =
         passport.and_then(|passport| if late.is_some() { Err(NoPassport::ClosedLate) } else { Ok(passport) });
     if let Ok(passport) = &passport {
@@ -137,7 +139,7 @@ fn file_papers(
     });
     let digests: Vec<_> = files.chain([all]).chain(originals).collect();
     let late = late.map(LateClose::in_words);
-    folder.put(REPORT, |out| report::html(out, record, &passport, &digests, late.as_deref()))
+    folder.put(REPORT, |out| report::html(out, record, &passport, &digests, late.as_deref(), chain.as_deref()))
 }
 
 /// Removes what an earlier sealing left when it was killed: unfinished part files, and the papers, which are made after

@@ -46,8 +46,12 @@ pub fn of_bytes(bytes: &[u8]) -> String {
 /// # Errors
 /// [`StoreError::File`].
 pub fn of_file(path: &Path) -> Result<String, StoreError> {
+    of_reader(on(File::open(path), "read", path)?, path)
+}
+
+/// Digest of an open file, which errors call by its path.
+pub(crate) fn of_reader(mut file: File, path: &Path) -> Result<String, StoreError> {
     let mut hasher = Sha256::new();
-    let mut file = on(File::open(path), "read", path)?;
     on(io::copy(&mut file, &mut HashWriter(&mut hasher)), "read", path)?;
     Ok(hexadecimal(&hasher.finalize()))
 }

@@ -14,12 +14,19 @@ use gnc_executive::state::RunState;
 use super::begun::was_never_begun;
 use super::digest::FileDigests;
 use super::{
-    DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, chain, digest, goes_on, name, on,
+    DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, chain, digest, goes_on, name, names,
+    on,
 };
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
 /// station.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
+
+/// Longest list of digests: that of a run of 20,000 items with all of their files.
+const MAX_DIGESTS_BYTES: u64 = 64 << 20;
+
+/// The name of the folder of a day.
+const DAY: &str = "%Y-%m-%d";
 
 /// Why a run cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -102,6 +109,8 @@ pub struct Verified {
     pub running: bool,
     /// A station made the folder and ended before the first event: it holds nothing that could be wrong.
     pub never_begun: bool,
+    /// The station ended, or could not write, before the run was closed, and its next start does so: what is missing, a sentence.
+    pub incomplete: Option<String>,
 }
 
 /// A run found in the records folder.
@@ -389,12 +398,14 @@ fn name_of(folder: &Path) -> String {
 }
 
 /// Whether a folder is named by a date; a separate disk has other folders too.
-fn is_day(folder: &Path) -> bool {
+pub(crate) fn is_day(folder: &Path) -> bool {
     day_of(folder).is_some()
 }
 
 fn day_of(folder: &Path) -> Option<NaiveDate> {
-    NaiveDate::parse_from_str(&name_of(folder), "%Y-%m-%d").ok()
+    let name = name_of(folder);
+    // `2026-1-5` is read as a date as well, and stands in the wrong place of a list.
+    NaiveDate::parse_from_str(&name, DAY).ok().filter(|day| day.format(DAY).to_string() == name)
 }
 
 /// Reads a run from its journal.
@@ -469,7 +480,8 @@ fn journal_of(folder: &Path) -> Result<Vec<u8>, ReadError> {
 /// run of a later version this cannot be confirmed.
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
-    let Verified { mut problems, newer, running, never_begun } = check(folder);
+    let Verified { mut problems, newer, running, never_begun, incomplete } = check(folder);
+    problems.extend(incomplete);
     problems.extend(newer.map(|newer| newer.to_string()));
     problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
     problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
@@ -483,12 +495,19 @@ pub fn check(folder: &Path) -> Verified {
         .unwrap_or_else(|error| Verified { problems: vec![gnc_text::with_causes(&error)], ..Verified::default() })
 }
 
-/// The problem with the signature of a run's digests, if any.
+/// Whether a closed run has a signature.
 #[must_use]
-pub fn verify_signature(folder: &Path, key: &PublicKey) -> Option<String> {
-    let read = |name| fs::read(folder.join(name));
+pub fn is_signed(folder: &Path) -> bool {
+    folder.join(SIGNATURE).symlink_metadata().is_ok()
+}
+
+/// The problem with the signature of a run's digests by one of the keys, if any. Without keys nothing is checked.
+#[must_use]
+pub fn verify_signature(folder: &Path, keys: &[PublicKey]) -> Option<String> {
+    let read = |name| gnc_files::read_below(folder, Path::new(name), MAX_DIGESTS_BYTES);
     match (read(DIGESTS), read(SIGNATURE)) {
-        (Ok(digests), Ok(signature)) if key.signed(&digests, &signature) => None,
+        _ if keys.is_empty() => None,
+        (Ok(digests), Ok(signature)) if keys.iter().any(|key| key.signed(&digests, &signature)) => None,
         (Ok(_), Ok(_)) => Some(format!("{SIGNATURE} is not the signature of {DIGESTS} with this key")),
         (Ok(_), Err(_)) => Some(format!("{SIGNATURE} is missing: the run is not signed")),
         // `verify` reports missing digests.
@@ -498,6 +517,7 @@ pub fn verify_signature(folder: &Path, key: &PublicKey) -> Option<String> {
 
 fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let only = |problem: String| Ok(Verified { problems: vec![problem], ..Verified::default() });
+    let incomplete = |what: String, newer| Ok(Verified { incomplete: Some(what), newer, ..Verified::default() });
     let path = folder.join(DIGESTS);
     // Looked at before the journal is read: a run that ends meanwhile has its digests then.
     if !path.exists() && goes_on(folder) {
@@ -511,16 +531,17 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     };
     // The next start seals an interrupted run.
     if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted() && !path.exists()) {
-        return only("interrupted: the run has no end, so it cannot be verified".into());
+        return incomplete("interrupted: its station ended in the run; the next start seals it".into(), newer);
     }
     if !path.exists() {
         let problem = format!(
             "ended and not closed, so it cannot be verified: {DIGESTS} is missing; if its station ended too early, its next start closes the run late"
         );
-        return Ok(Verified { problems: vec![problem], newer, ..Verified::default() });
+        return incomplete(problem, newer);
     }
     let (sums, bad) = FileDigests::read(folder)?;
     let mut problems = vec![format!("{DIGESTS} holds a line that is not a digest"); bad];
+    problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
     let mut promised = sums.into_map();
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {

@@ -158,7 +158,8 @@ fn take_away(records: &Path, run: &Path) -> Option<String> {
     let of_run = run.file_name().is_some_and(|name| folder::is_name_of_run(&name.to_string_lossy()));
     let _held =
         File::open(run).ok().filter(|_| of_run).map(|dir| Flock::lock(dir, FlockArg::LockExclusiveNonblock))?.ok()?;
-    if !was_never_begun(run) {
+    // A run that the chain has begun, and that lost its journal, is not taken away.
+    if !was_never_begun(run) || !chain::place_of(run).is_ok_and(|begun| begun.is_none()) {
         return None;
     }
     if let Err(error) = fs::remove_dir_all(run) {

@@ -28,7 +28,11 @@ pub(super) fn check(folder: &Path, state: &RunState) -> Result<PassportCheck, Ru
     let is_missing = |error: io::Error| error.kind() == io::ErrorKind::NotFound;
     let is_filed = |name: &str| sums.get(name).is_some() || !reader::paper(folder, name).is_err_and(is_missing);
     let filed = is_filed(PASSPORT) || is_filed(PASSPORT_XML);
-    match passport::of_run(&record, &sums.of_record()) {
+    // The place in the chain is no result: the filed passport has it.
+    let stored = reader::paper(folder, PASSPORT).ok();
+    let stored = stored.and_then(|bytes| serde_json::from_slice::<Passport>(&bytes).ok());
+    let chain = stored.and_then(|passport| passport.origin.chain);
+    match passport::of_run(&record, &sums.of_record(), chain.as_deref()) {
         Ok(passport) if filed => {
             checked.differences = compare(folder, &passport)?;
             if checked.differences.is_empty() {

@@ -10,7 +10,7 @@ use std::io::{self, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use gnc_files::Part;
+use gnc_files::{PART, Part};
 use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
@@ -142,11 +142,35 @@ pub(super) fn lock_within(records: &Path, wait: Duration) -> Result<Flock<File>,
     }
 }
 
+/// Tries whether a run could be closed here, and leaves everything as it was: whether the counter can be written, the newest
+/// chain too, and no program holds the lock.
+///
+/// # Errors
+/// [`StoreError`]: what a run would meet when it begins.
+pub fn try_out(records: &Path) -> Result<(), StoreError> {
+    let _lock = lock(records)?;
+    last(records)?;
+    let counter = records.join(COUNTER);
+    if counter.is_dir() {
+        return on(Err(io::ErrorKind::IsADirectory.into()), "write", &counter);
+    }
+    drop(on(Part::create(&counter), "write", &counter.with_extension(PART))?);
+    for day in reader::day_names(records)?.iter().rev().take(1) {
+        let chain = records.join(day).join(CHAIN);
+        match OpenOptions::new().append(true).open(&chain) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            opened => drop(on(opened, "write", &chain)?),
+        }
+    }
+    Ok(())
+}
+
 /// Writes number and link of the last run, in one step.
 pub(super) fn count(records: &Path, place: &Place) -> Result<(), StoreError> {
     let path = records.join(COUNTER);
-    let mut part = on(Part::create(&path), "write", &path)?;
-    on(writeln!(part, "{place}").and_then(|()| part.sync()), "write", &path)?;
+    let named = path.with_extension(PART);
+    let mut part = on(Part::create(&path), "write", &named)?;
+    on(writeln!(part, "{place}").and_then(|()| part.sync()), "write", &named)?;
     on(part.place(), "write", &path)?;
     sync_dir(records)
 }

@@ -1,6 +1,6 @@
 //! The line of a run's beginning: a run that is taken away before its end leaves a hole.
 
-use std::io::Read as _;
+use std::io::{self, BufRead as _, Read as _};
 use std::path::Path;
 
 use super::append::{Book, above};
@@ -49,11 +49,16 @@ pub fn place_of(run: &Path) -> Result<Option<Place>, StoreError> {
 
 /// Digest of the first line of a run's journal, with its end.
 pub(super) fn of_first_line(records: &Path, run: &Path) -> Result<String, StoreError> {
+    first_line(records, run).map(|line| digest::of_bytes(&line))
+}
+
+/// The first line of a run's journal, with its end.
+pub(super) fn first_line(records: &Path, run: &Path) -> Result<Vec<u8>, StoreError> {
     let path = run.join(JOURNAL);
     let within = path.strip_prefix(records).unwrap_or(&path);
-    let mut line = Vec::new();
     let journal = on(gnc_files::below(records, within), "read", &path)?;
-    on(journal.take(MAX_FIRST_EVENT_BYTES).read_to_end(&mut line), "read", &path)?;
-    let end = line.iter().position(|byte| *byte == b'\n').map_or(line.len(), |end| end + 1);
-    Ok(digest::of_bytes(line.get(..end).unwrap_or_default()))
+    let mut line = Vec::new();
+    let mut journal = io::BufReader::new(journal.take(MAX_FIRST_EVENT_BYTES));
+    on(journal.read_until(b'\n', &mut line), "read", &path)?;
+    Ok(line)
 }

@@ -1,102 +1,337 @@
-//! Checks the chain from the first run to the last.
+//! Checks the chain from the first line to the last.
 
-use std::collections::HashSet;
-use std::path::Path;
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
 
-use super::COUNTER;
 use super::entry::{ChainEntry, Place};
-use super::read::{chains, counter, name_in};
-use crate::store::{DIGESTS, StoreError, digest, goes_on, reader};
+use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
+use super::{COUNTER, NOTHING, matching, places, signed, times};
+use crate::store::{PublicKey, StoreError, goes_on, reader};
+
+/// What the chain is compared with.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Against<'a> {
+    /// Public keys of the stations that write here. Without one, no signature is checked.
+    pub keys: &'a [PublicKey],
+    /// What was kept elsewhere.
+    pub heads: &'a [Head],
+}
+
+/// Number and link of a line, kept outside of the records folder: on a paper, or in a copy of the counter.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Head {
+    /// Where it was kept, for people.
+    pub kept: String,
+    /// The line.
+    pub place: Place,
+}
 
 /// The result of a check of the chain.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct ChainCheck {
-    /// Runs in the chain.
+    /// Closed runs in the chain.
     pub runs: usize,
-    /// Number of the first run in the chain. If it is not 1, earlier days were moved elsewhere.
+    /// Number of the first line in the chain. If it is not 1, earlier days were moved elsewhere.
     pub first: u64,
     /// What was changed, a sentence each.
     pub problems: Vec<String>,
+    /// What a sudden end or a disk error left, a sentence each; the next start mends it.
+    pub incomplete: Vec<String>,
+    /// What a reader should know, and is no change.
+    pub notes: Vec<String>,
     /// Runs in the chain that were closed late.
     pub late: usize,
 }
 
-/// Checks the chain from the first run to the last.
+/// All lines of a records folder.
+#[derive(Debug, Default)]
+pub struct ChainBook {
+    pub(super) records: PathBuf,
+    /// By their numbers.
+    pub(super) lines: Vec<ChainEntry>,
+    pub(super) counted: Option<Place>,
+    /// What cannot be read, or stands in the wrong place.
+    broken: Vec<String>,
+    /// What a sudden end left of chains and counter.
+    torn: Vec<String>,
+}
+
+/// Checks the chain from the first line to the last.
 ///
 /// # Errors
 /// The folder cannot be read.
 pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
-    let mut checked = ChainCheck::default();
-    // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
-    let closed = closed(records)?;
-    let chains = chains(records, usize::MAX)?;
-    for day in chains.iter().filter(|day| day.broken > 0) {
-        checked.problems.push(format!("{}: {} lines do not belong to a chain", day.path.display(), day.broken));
-    }
-    let mut links: Vec<ChainEntry> = chains.into_iter().flat_map(|day| day.lines).collect();
-    links.sort_by_key(|link| link.number);
-    checked.runs = links.iter().filter(|link| link.is_close()).count();
-    checked.late = links.iter().filter(|link| link.late.is_some()).count();
-    checked.first = links.first().map_or(0, |link| link.number);
-    for pair in links.windows(2) {
-        if pair[1].number != pair[0].number + 1 || pair[1].before != pair[0].link {
-            let (before, after) = (&pair[0], &pair[1]);
-            checked.problems.push(format!(
-                "the chain is broken between run {} ({}) and run {} ({})",
-                before.number, before.run, after.number, after.run
-            ));
-        }
-    }
-    for link in links.iter().filter(|link| link.is_close()) {
-        look_at(records, link, &mut checked.problems);
-    }
-    slipped_in(&closed, &links, &mut checked.problems);
-    match (counter(records)?, links.last()) {
-        (None, Some(_)) => {
-            checked.problems.push(format!("{COUNTER} is missing, so the number of runs is not known"));
-        }
-        (Some(Place { number, .. }), last) if last.map_or(0, |last| last.number) < number => {
-            let last = last.map_or(0, |last| last.number);
-            checked.problems.push(format!(
-                "{number} runs were closed, but the chain ends at run {last}: the newest runs are missing"
-            ));
-        }
-        (Some(Place { number, link }), _) if links.iter().any(|one| one.number == number && one.link != link) => {
-            checked.problems.push(format!("run {number} is not the run that {COUNTER} remembers"));
-        }
-        _ => {}
-    }
-    Ok(checked)
+    verify_against(records, &Against::default()).map(|(checked, _)| checked)
 }
 
-fn look_at(records: &Path, link: &ChainEntry, problems: &mut Vec<String>) {
-    if !link.is_true() {
-        problems.push(format!("run {} ({}): its line in the chain was changed", link.number, link.run));
-    }
-    let sums = records.join(&link.run).join(DIGESTS);
-    match digest::of_file(&sums) {
-        Ok(digest) if digest == link.digest => {}
-        Ok(_) => {
-            problems
-                .push(format!("run {} ({}): {DIGESTS} was changed after the run was closed", link.number, link.run));
+/// As [`verify`], and compares the chain with keys, and with what was kept elsewhere. Returns the chain as well.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainCheck, ChainBook), StoreError> {
+    // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
+    let closed = closed(records)?;
+    let strays = places::strays(records);
+    let book = ChainBook::read(records)?;
+    let mut checked = ChainCheck {
+        runs: book.lines.iter().filter(|line| line.is_close()).count(),
+        late: book.lines.iter().filter(|line| line.late.is_some()).count(),
+        first: book.lines.first().map_or(0, |line| line.number),
+        problems: strays,
+        incomplete: book.torn.clone(),
+        notes: Vec::new(),
+    };
+    checked.problems.extend(book.broken.iter().cloned());
+    book.order(&mut checked.problems);
+    matching::check(&book, &mut checked.problems);
+    book.without_line(&closed, !against.keys.is_empty(), &mut checked);
+    book.counter(&mut checked);
+    checked.problems.extend(book.unlike(against.heads));
+    times::check(&book, &mut checked.notes);
+    signed::check(&book, against.keys, &mut checked);
+    Ok((checked, book))
+}
+
+impl ChainBook {
+    /// Reads all lines.
+    ///
+    /// # Errors
+    /// The records folder cannot be read.
+    pub fn read(records: &Path) -> Result<Self, StoreError> {
+        let mut book = Self { records: records.to_owned(), ..Self::default() };
+        for day in reader::day_names(records)? {
+            match chain_of(records, &day) {
+                Err(error) => book.broken.push(gnc_text::with_causes(&error)),
+                Ok(None) => {}
+                Ok(Some(chain)) => {
+                    if chain.broken > 0 {
+                        book.broken.push(format!(
+                            "{}: {} lines do not belong to a chain",
+                            chain.path.display(),
+                            chain.broken
+                        ));
+                    }
+                    if chain.is_torn {
+                        book.torn.push(format!(
+                            "the chain of {day} ends with half a line: its station ended, or could not write; the next start removes it"
+                        ));
+                    }
+                    for line in chain.lines.iter().filter(|line| line.day() != day) {
+                        book.broken
+                            .push(format!("run {} ({}): its line stands in the chain of {day}", line.number, line.run));
+                    }
+                    book.lines.extend(chain.lines);
+                }
+            }
         }
-        Err(_) => problems.push(format!("run {} ({}) was closed, and its folder is missing", link.number, link.run)),
+        book.lines.sort_by_key(|line| line.number);
+        match counter(records) {
+            Ok(counted) => book.counted = counted,
+            // Nothing is written there but in one step, so only a disk that lost what it had leaves this.
+            Err(_) if is_blank(records) => book.torn.push(format!(
+                "{COUNTER} is empty: its station ended, or could not write; the next start makes it again from the chain"
+            )),
+            Err(error) => book.broken.push(gnc_text::with_causes(&error)),
+        }
+        Ok(book)
     }
+
+    /// Whether this folder has no chain at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty() && self.counted.is_none() && self.broken.is_empty()
+    }
+
+    /// Whether a line says that the run was closed.
+    #[must_use]
+    pub fn names(&self, run: &Path) -> bool {
+        self.close_of(&name_in(&self.records, run)).is_some()
+    }
+
+    /// The line of a closed run.
+    pub(super) fn close_of(&self, run: &str) -> Option<&ChainEntry> {
+        self.lines.iter().find(|line| line.is_close() && line.run == run)
+    }
+
+    /// Whether each line follows from the one before.
+    fn order(&self, problems: &mut Vec<String>) {
+        if let Some(first) = self.lines.first()
+            && first.number <= 1
+            && (first.number == 0 || first.before != NOTHING)
+        {
+            problems.push(format!(
+                "run {} ({}) has the first line, and the line says that another one stood before it",
+                first.number, first.run
+            ));
+        }
+        for pair in self.lines.windows(2) {
+            let (before, after) = (&pair[0], &pair[1]);
+            if Some(after.number) != before.number.checked_add(1) || after.before != before.link {
+                problems.push(format!(
+                    "the chain is broken between run {} ({}) and run {} ({})",
+                    before.number, before.run, after.number, after.run
+                ));
+            }
+        }
+    }
+
+    /// Reports closed runs without a line. Versions before the chain wrote none, so runs that are older than the first line have
+    /// none, and nothing shows when they were added.
+    fn without_line(&self, closed: &[String], has_key: bool, checked: &mut ChainCheck) {
+        if self.is_empty() {
+            if !closed.is_empty() {
+                checked.problems.push(format!(
+                    "{} runs are closed, and there is no chain: {COUNTER} and all chains are missing, or a version before the chain wrote these runs",
+                    closed.len()
+                ));
+            }
+            return;
+        }
+        let known: HashSet<&str> =
+            self.lines.iter().filter(|line| line.is_close()).map(|line| line.run.as_str()).collect();
+        let first_day = self.lines.iter().map(ChainEntry::day).min().unwrap_or_default();
+        let (later, before): (Vec<_>, Vec<_>) =
+            closed.iter().filter(|name| !known.contains(name.as_str())).partition(|name| name.as_str() > first_day);
+        // A run that was slipped in has no line of its beginning.
+        let begun: HashSet<&str> =
+            self.lines.iter().filter(|line| !line.is_close()).map(|line| line.run.as_str()).collect();
+        for name in later {
+            if begun.contains(name.as_str()) {
+                checked.incomplete.push(format!(
+                    "{name} is not in the chain: its station ended, or could not write, while it closed the run; the next start goes on"
+                ));
+                continue;
+            }
+            checked.problems.push(format!(
+                "{name} is not in the chain: its station ended before that and closes it late at its next start, or it was slipped in"
+            ));
+        }
+        if has_key {
+            checked.problems.extend(before.iter().map(|name| {
+                format!(
+                    "{name} is not in the chain and stands on a day before its first line: it may have been slipped in"
+                )
+            }));
+        } else if let Some(first) = before.first() {
+            checked.notes.push(format!(
+                "{} closed runs are older than the first line of the chain, so nothing shows when they were added; the first is {first}",
+                before.len()
+            ));
+        }
+    }
+
+    /// Compares the end of the chain with the counter.
+    fn counter(&self, checked: &mut ChainCheck) {
+        let last = self.lines.last();
+        let Some(counted) = &self.counted else {
+            // What is there and cannot be read was said.
+            if last.is_some() && !self.records.join(COUNTER).exists() {
+                checked.problems.push(format!("{COUNTER} is missing, so the number of runs is not known"));
+            }
+            return;
+        };
+        let ends = last.map_or(0, |last| last.number);
+        if ends < counted.number {
+            checked.problems.push(format!(
+                "{COUNTER} counts {} lines, but the chain ends at line {ends}: the newest runs are missing",
+                counted.number
+            ));
+        } else if self.lines.iter().any(|line| line.number == counted.number && line.link != counted.link) {
+            checked.problems.push(format!("run {} is not the run that {COUNTER} remembers", counted.number));
+        } else if ends > counted.number {
+            // A line counts when it is on disk, and the counter follows it.
+            checked.notes.push(format!(
+                "{COUNTER} counts {} lines, but the chain has {ends}: its station ended, or could not write, between the two",
+                counted.number
+            ));
+        }
+    }
+
+    /// What was kept elsewhere and is not what the chain says.
+    #[must_use]
+    pub fn unlike(&self, heads: &[Head]) -> Vec<String> {
+        let mut problems = Vec::new();
+        let [first, last] = [self.lines.first(), self.lines.last()].map(|line| line.map_or(0, |line| line.number));
+        for Head { kept, place } in heads {
+            let mut found = self.lines.iter().filter(|line| line.number == place.number);
+            let number = place.number;
+            let is_before_first =
+                |line: &ChainEntry| line.number.checked_sub(1) == Some(number) && line.before == place.link;
+            match found.next() {
+                Some(line) if line.link == place.link => {}
+                Some(_) => problems.push(format!(
+                    "line {number} of the chain is not the one that {kept} witnesses: the chain was made anew"
+                )),
+                // The days up to this line were moved elsewhere, and the rest follows from it.
+                None if self.lines.first().is_some_and(is_before_first) => {}
+                None if number > last => problems.push(format!(
+                    "{kept} witnesses line {number}, but the chain ends at line {last}: the newest runs are missing"
+                )),
+                None => problems.push(format!(
+                    "{kept} witnesses line {number}, which is not in this folder: the chain begins at line {first}"
+                )),
+            }
+        }
+        problems
+    }
+
+    /// What is wrong with the lines of one closed run: their links, their neighbours, their signatures, and what they say of the
+    /// folder. Of a folder without a chain nothing is said.
+    #[must_use]
+    pub fn of_run(&self, run: &Path, keys: &[PublicKey]) -> Vec<String> {
+        let mut problems = Vec::new();
+        if self.is_empty() {
+            return problems;
+        }
+        problems.extend(self.broken.iter().cloned());
+        let name = name_in(&self.records, run);
+        let Some(close) = self.close_of(&name) else {
+            problems.push(format!(
+                "{name} is not in the chain: its station ended before that and closes it late at its next start, or it was slipped in"
+            ));
+            return problems;
+        };
+        let began = close.began_as().to_owned();
+        let own: Vec<&ChainEntry> =
+            self.lines.iter().filter(|line| line.run == name || !line.is_close() && line.run == began).collect();
+        matching::check_lines(self, &own, &mut problems);
+        let by_number: HashMap<u64, &ChainEntry> = self.lines.iter().map(|line| (line.number, line)).collect();
+        let first = self.lines.first().map_or(0, |line| line.number);
+        for line in &own {
+            let before = line.number.checked_sub(1).and_then(|number| by_number.get(&number));
+            let is_linked = match before {
+                Some(before) => before.link == line.before,
+                None => line.number == first && (line.number > 1 || line.before == NOTHING),
+            };
+            let after = line.number.checked_add(1).and_then(|number| by_number.get(&number));
+            let follows = match (after, &self.counted) {
+                (Some(after), _) => after.before == line.link,
+                (None, Some(counted)) if counted.number == line.number => counted.link == line.link,
+                (None, counted) => counted.as_ref().is_none_or(|counted| counted.number < line.number),
+            };
+            if !is_linked || !follows {
+                problems.push(format!("run {} ({}): the chain is broken beside its line", line.number, line.run));
+            }
+        }
+        signed::check_lines(self, &own, keys, &mut problems);
+        problems
+    }
+
+    /// Why a closed run has no signature, if that is no change.
+    #[must_use]
+    pub fn why_unsigned(&self, run: &Path) -> Option<&'static str> {
+        signed::why_unsigned(self, &name_in(&self.records, run))
+    }
+}
+
+/// Whether the counter is empty, or holds zeros alone.
+fn is_blank(records: &Path) -> bool {
+    let bytes = gnc_files::read_below(records, Path::new(COUNTER), MAX_COUNTER_BYTES);
+    bytes.is_ok_and(|bytes| bytes.iter().all(|byte| *byte == 0 || byte.is_ascii_whitespace()))
 }
 
 /// `DATE/SERIAL/TIME-PLAN` of all closed runs; of those that a station is closing now, none.
 fn closed(records: &Path) -> Result<Vec<String>, StoreError> {
     let closed = reader::paths(records)?.into_iter().filter(|run| reader::is_sealed(run) && !goes_on(run));
     Ok(closed.map(|run| name_in(records, &run)).collect())
-}
-
-/// Reports closed runs that the chain of their day does not contain. Days from before the chain existed have no chain.
-fn slipped_in(closed: &[String], links: &[ChainEntry], problems: &mut Vec<String>) {
-    let known: HashSet<&str> = links.iter().map(|link| link.run.as_str()).collect();
-    let Some(first_day) = links.iter().filter_map(|link| link.run.split('/').next()).min() else { return };
-    for name in closed.iter().filter(|name| name.as_str() > first_day && !known.contains(name.as_str())) {
-        problems.push(format!(
-            "{name} is not in the chain: its station ended before that and closes it late at its next start, or it was slipped in"
-        ));
-    }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::*;
-use crate::store::chain::{CHAIN, ChainStanding, standing, verify};
+use crate::store::chain::{CHAIN, ChainStanding, LateCloses, standing, verify};
 use crate::store::closing;
 use crate::store::reader::Found;
 use crate::store::{PLAN, SIGNATURE};
@@ -100,6 +100,8 @@ fn an_error_before_the_line_takes_the_seal_back() {
     fs::remove_dir(&chain).unwrap();
     fs::rename(&kept, &chain).unwrap();
     assert_eq!(names(&run), [JOURNAL, PLAN]);
+    let left = reader::check(&run);
+    assert!(left.problems.is_empty() && left.incomplete.is_some_and(|what| what.starts_with("ended and not closed")));
     assert_eq!(reader::found(run.clone()).state(), Found::Unsealed);
     let said = shelf.start();
     assert!(said.len() == 1 && said[0].contains("it is closed late now and never counts as a pass"), "{said:?}");
@@ -128,6 +130,18 @@ fn papers_of_a_run_that_is_closed_late_say_so() {
     )
     .unwrap();
     assert!(!fs::read_to_string(run.join(crate::report::REPORT)).unwrap().contains("CLOSED LATE"));
+    // It has begun by the chain, so that it is not called slipped in; a folder that was slipped in is.
+    let checked = verify(shelf.path()).unwrap();
+    let expected = "2026-11-28/SN-1/143000-functional is not in the chain: its station ended, or could not write, while it \
+                    closed the run; the next start goes on";
+    assert_eq!((checked.problems, checked.incomplete), (Vec::new(), vec![expected.to_owned()]));
+    let slipped = shelf.path().join(DAY).join("SN-7");
+    fs::rename(run.parent().unwrap(), &slipped).unwrap();
+    let checked = verify(shelf.path()).unwrap();
+    assert!(checked.problems.iter().any(|problem| problem.contains("or it was slipped in")), "{checked:?}");
+    assert_eq!(checked.incomplete, Vec::<String>::new());
+    fs::rename(&slipped, run.parent().unwrap()).unwrap();
+    assert!(LateCloses::default().lacks(&run).unwrap());
     assert_eq!(shelf.start().len(), 1);
     assert!(fs::read_to_string(run.join(crate::report::REPORT)).unwrap().contains("CLOSED LATE"));
     assert!(fs::read_to_string(run.join(crate::store::LOG)).unwrap().contains("CLOSED LATE"));
@@ -171,6 +185,9 @@ fn parts_and_a_signature_without_digests_go() {
     for left in ["01-cpu/item.json.part", "SHA256SUMS.part", "run.json.part", SIGNATURE] {
         fs::write(run.join(left), "half").unwrap();
     }
+    let left = reader::check(&run);
+    assert_eq!(left.incomplete.as_deref(), Some("interrupted: its station ended in the run; the next start seals it"));
+    assert!(left.problems.is_empty());
     let said = shelf.start();
     assert!(said.len() == 1 && said[0].contains("it is sealed as interrupted"), "{said:?}");
     assert!(!run.join(SIGNATURE).exists() && names(&run.join("01-cpu")).is_empty());

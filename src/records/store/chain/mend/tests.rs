@@ -59,6 +59,8 @@ fn half_a_line_is_removed_in_each_day() {
     shelf.close("2026-11-30", 3).unwrap();
     for half in [&b"3 ab"[..], &[0; 300], b"3 \xff\xfe"] {
         fs::write(shelf.chain(), [&whole, half].concat()).unwrap();
+        let checked = verify(shelf.path()).unwrap();
+        assert_eq!((checked.problems, checked.incomplete.len()), (Vec::new(), 1));
         shelf.mended(&["the chain of 2026-11-28 ended with half a line, as a sudden end leaves it; it is removed"]);
         assert_eq!(fs::read(shelf.chain()).unwrap(), whole);
     }
@@ -74,10 +76,12 @@ fn a_counter_behind_the_chain_is_mended() {
     assert_eq!(shelf.counted(), newest);
     for garbage in ["", "3", "\0\0\0\0", "3 abc", "-1 00", "99999999999999999999 0"] {
         fs::write(shelf.counter(), garbage).unwrap();
-        // A run that is closed before the next start goes on with the chain.
-        let number = verify(shelf.path()).map(|checked| checked.runs);
+        // A power cut leaves nothing or zeros; anything else was written by a person.
+        let checked = verify(shelf.path()).unwrap();
+        let is_blank = garbage.trim_matches('\0').is_empty();
+        assert_eq!((checked.problems.is_empty(), checked.incomplete.len()), (is_blank, usize::from(is_blank)));
         shelf.mended(&["COUNTER held no number and link; it is made again from the chain, which ends at line 3"]);
-        assert_eq!(shelf.counted(), newest, "{garbage:?}, {number:?}");
+        assert_eq!(shelf.counted(), newest, "{garbage:?}");
     }
     fs::remove_file(shelf.counter()).unwrap();
     shelf.mended(&["COUNTER was missing; it is made again from the chain, which ends at line 3"]);
@@ -174,6 +178,25 @@ fn the_line_closes_a_run_and_the_counter_follows() {
         "an empty folder COUNTER.part was in the way; it is removed",
         "COUNTER stood at line 1 and the chain ends at line 2, as a sudden end leaves it; it is mended",
     ]);
+}
+
+#[test]
+fn whether_a_run_can_be_closed_is_tried_without_a_trace() {
+    let shelf = Shelf::of(1);
+    let names = || {
+        let mut names: Vec<_> = fs::read_dir(shelf.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        (names, shelf.counted(), fs::read(shelf.chain()).unwrap())
+    };
+    let before = names();
+    chain::try_out(shelf.path()).unwrap();
+    assert_eq!(names(), before);
+    fs::create_dir(shelf.path().join("COUNTER.part")).unwrap();
+    assert!(chain::try_out(shelf.path()).is_err());
+    fs::remove_dir(shelf.path().join("COUNTER.part")).unwrap();
+    fs::remove_file(shelf.chain()).unwrap();
+    fs::create_dir(shelf.chain()).unwrap();
+    assert!(chain::try_out(shelf.path()).is_err());
 }
 
 /// Another program holds the lock of the folder for a long time.

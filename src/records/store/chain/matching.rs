@@ -1,0 +1,122 @@
+//! Compares the lines of each run with one another and with its folder: a run that began and is gone, one that was closed twice,
+//! one whose journal is not the one that began.
+
+use std::collections::HashMap;
+use std::io;
+use std::path::Path;
+
+use super::begin;
+use super::check::ChainBook;
+use super::entry::ChainEntry;
+use crate::store::{DIGESTS, StoreError, UNASSIGNED, digest, goes_on, on, reader};
+
+pub(super) fn check(book: &ChainBook, problems: &mut Vec<String>) {
+    check_lines(book, &book.lines.iter().collect::<Vec<_>>(), problems);
+}
+
+/// Checks some of the lines; all lines of a run must be among them.
+pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mut Vec<String>) {
+    let (closes, begins): (Vec<&ChainEntry>, Vec<&ChainEntry>) = lines.iter().partition(|line| line.is_close());
+    // Versions of the station that wrote no line when a run began wrote all lines before this one.
+    let since = book.lines.iter().find(|line| !line.is_close()).map(|line| line.number);
+    let mut began: HashMap<&str, &ChainEntry> = HashMap::new();
+    for line in &begins {
+        if let Some(earlier) = began.insert(&line.run, line) {
+            problems
+                .push(format!("run {} ({}) began twice: run {} has its name", line.number, line.run, earlier.number));
+        }
+    }
+    let mut closed: HashMap<&str, &ChainEntry> = HashMap::new();
+    for line in &closes {
+        if let Some(earlier) = closed.insert(line.began_as(), line) {
+            problems.push(format!(
+                "run {} ({}) was closed twice: run {} is it, too",
+                line.number, line.run, earlier.number
+            ));
+        }
+    }
+    for line in lines.iter().filter(|line| !line.is_true()) {
+        problems.push(format!("run {} ({}): its line in the chain was changed", line.number, line.run));
+    }
+    for line in closes {
+        let is_there = closed_folder(book, line, problems);
+        match began.get(line.began_as()) {
+            Some(begin) if begin.number > line.number => {
+                problems.push(format!("run {} ({}) was closed before it began", line.number, line.run))
+            }
+            Some(begin) => {
+                let is_moved = line.from.as_ref().is_none_or(|from| {
+                    let day = from.split('/').next().unwrap_or_default();
+                    line.run.split('/').take(2).eq([day, UNASSIGNED])
+                });
+                if !is_moved || is_there && !is_same(book, begin, &line.run) {
+                    problems.push(not_as_it_began(begin.number, &line.run));
+                }
+            }
+            None if line.from.is_some() || since.is_some_and(|since| line.number > since) => {
+                problems.push(format!("run {} ({}) was closed, and no line says that it began", line.number, line.run))
+            }
+            None => {}
+        }
+    }
+    for line in begins.into_iter().filter(|line| !closed.contains_key(line.run.as_str())) {
+        open_folder(book, line, problems);
+    }
+}
+
+fn not_as_it_began(number: u64, run: &str) -> String {
+    format!("run {number} ({run}): its journal does not begin as it did when the run began")
+}
+
+/// Compares the line of a closed run with its folder. `false`: the folder cannot be looked at.
+fn closed_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>) -> bool {
+    let (number, run) = (line.number, &line.run);
+    match digest_below(&book.records, &Path::new(run).join(DIGESTS)) {
+        Ok(digest) if digest == line.digest => return true,
+        Ok(_) => {
+            problems.push(format!("run {number} ({run}): {DIGESTS} was changed after the run was closed"));
+            return true;
+        }
+        Err(StoreError::File { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
+            // Of a folder that cannot be entered it is not known either.
+            match book.records.join(run).symlink_metadata() {
+                Ok(_) => problems.push(format!("run {number} ({run}) was closed, and its {DIGESTS} is missing")),
+                Err(_) => problems.push(format!("run {number} ({run}) was closed, and its folder is missing")),
+            }
+        }
+        Err(error) => problems.push(format!("run {number} ({run}): {}", gnc_text::with_causes(&error))),
+    }
+    false
+}
+
+fn digest_below(records: &Path, file: &Path) -> Result<String, StoreError> {
+    let path = records.join(file);
+    digest::of_reader(on(gnc_files::below(records, file), "read", &path)?, &path)
+}
+
+/// Whether the journal of a run begins as the line says.
+fn is_same(book: &ChainBook, begin: &ChainEntry, run: &str) -> bool {
+    begin::of_first_line(&book.records, &book.records.join(run)).is_ok_and(|digest| digest == begin.digest)
+}
+
+/// Compares the line of a run that is not closed with its folder. The run goes on, or its station ended.
+fn open_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>) {
+    let (number, run) = (line.number, &line.run);
+    let folder = book.records.join(run);
+    match folder.symlink_metadata() {
+        Ok(_) if is_same(book, line, run) => {}
+        // It is closed or moved at this moment.
+        Ok(_) if goes_on(&folder) => {}
+        Ok(_) => problems.push(not_as_it_began(number, run)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            // Its module was not the one that was scanned, so that its station moves it.
+            let moved = reader::unassigned(&book.records, line.day());
+            let is_it =
+                |moved: &Path| begin::of_first_line(&book.records, moved).is_ok_and(|digest| digest == line.digest);
+            if !moved.iter().any(|moved| is_it(moved)) {
+                problems.push(format!("run {number} ({run}) began, and its folder is gone"));
+            }
+        }
+        Err(error) => problems.push(format!("run {number} ({run}): its folder cannot be read: {error}")),
+    }
+}

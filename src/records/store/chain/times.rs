@@ -1,0 +1,36 @@
+//! Looks whether the times of the lines fall along the chain.
+
+use chrono::{DateTime, FixedOffset, TimeDelta};
+
+use super::check::ChainBook;
+use super::entry::ChainEntry;
+
+/// What a time may fall behind that of an earlier line: runs that begin or end at once wait for one another, and the end of a run
+/// is a while before the line that closes it, since the digests of its samples are made between.
+const MAY_FALL: TimeDelta = TimeDelta::minutes(10);
+
+/// The name of a run that was judged again. Its events have the times of the first run.
+const JUDGED_AGAIN: &str = "-recomputed";
+
+/// A clock that is set back is no change of the records, so these are notes.
+pub(super) fn check(book: &ChainBook, notes: &mut Vec<String>) {
+    let mut latest: Option<(DateTime<FixedOffset>, &ChainEntry)> = None;
+    for line in book.lines.iter().filter(|line| !line.run.contains(JUDGED_AGAIN)) {
+        let at = line.stamp.as_ref().and_then(|stamp| DateTime::parse_from_rfc3339(&stamp.at).ok());
+        let Some(at) = at else { continue };
+        if let Some((before, earlier)) = latest
+            && at + MAY_FALL < before
+        {
+            notes.push(format!(
+                "the clock was set back: run {} ({}) is of {}, and run {} before it of {}",
+                line.number,
+                line.run,
+                at.format("%F %T"),
+                earlier.number,
+                before.format("%F %T")
+            ));
+        }
+        // Each fall is told once, at its first line.
+        latest = Some((at, line));
+    }
+}

@@ -1,0 +1,225 @@
+//! `gnc-station records verify`: compares runs with their digests, their journals and the chain.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use gnc_records::store::PublicKey;
+use gnc_records::store::chain::{Against, ChainBook, ChainCheck, Head, LateCloses, Place, verify_against};
+use gnc_records::store::reader::{self, ReadError};
+use gnc_text::printable;
+
+use super::{RecordsArgs, no_such, resolve_in, store_refusal};
+use crate::refusal::{CommandRefusal, complain, refuse};
+use crate::wording::Lines;
+
+/// Exit code of a verification that found something.
+const NOT_AS_WRITTEN: u8 = 1;
+
+/// Exit code of a verification that found no change, but what a sudden end left: the next start mends it.
+const INCOMPLETE: u8 = 3;
+
+/// Longest copy of `COUNTER` that is read: it is one line, and people may have written beside it.
+const MAX_COUNTER_BYTES: u64 = 4096;
+
+/// Verifies the named runs, or all, with public keys and what was kept elsewhere.
+pub(super) fn run(
+    records: &RecordsArgs,
+    runs: &[PathBuf],
+    keys: &[PathBuf],
+    counters: &[PathBuf],
+    heads: &[String],
+) -> Result<ExitCode, CommandRefusal> {
+    let read = |key: &PathBuf| {
+        PublicKey::read(key).map_err(|error| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this()))
+    };
+    let keys = keys.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    let copies = counters.iter().map(|file| copy_of_counter(file));
+    let papers = heads.iter().map(|text| head(text, "--head"));
+    let heads = copies.chain(papers).collect::<Result<Vec<_>, _>>()?;
+    verify(records, runs, &Against { keys: &keys, heads: &heads })
+}
+
+/// What a copy of `COUNTER` says.
+fn copy_of_counter(file: &Path) -> Result<Head, CommandRefusal> {
+    let shown = file.display().to_string();
+    let text = gnc_files::text(file, MAX_COUNTER_BYTES).map_err(|error| {
+        CommandRefusal::new(format!("cannot read {}: {error}", printable(&shown)), "name a copy of COUNTER")
+    })?;
+    head(&text, &shown)
+}
+
+fn head(text: &str, kept: &str) -> Result<Head, CommandRefusal> {
+    let place = Place::parse(text.trim()).ok_or_else(|| {
+        CommandRefusal::new(
+            format!("{} does not hold the number and link of a line: {}", printable(kept), gnc_text::quoted(text)),
+            "write the number, a space and the 64 digits of the link, as report, passport and COUNTER have them",
+        )
+    })?;
+    Ok(Head { kept: kept.to_owned(), place })
+}
+
+/// The chain of the records folder in which a run stands. It is read anew only for another folder.
+#[derive(Default)]
+struct Books {
+    book: Option<(PathBuf, ChainBook)>,
+}
+
+impl Books {
+    fn of(&mut self, run: &Path) -> Option<(PathBuf, &ChainBook)> {
+        let run = std::path::absolute(run).ok()?;
+        let records = run.ancestors().nth(3)?.to_owned();
+        if self.book.as_ref().is_none_or(|(known, _)| *known != records) {
+            // What is no records folder has no chain.
+            let book = ChainBook::read(&records).unwrap_or_default();
+            self.book = Some((records, book));
+        }
+        self.book.as_ref().map(|(_, book)| (run, book))
+    }
+}
+
+fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Result<ExitCode, CommandRefusal> {
+    let mut out = Lines::to_stdout();
+    let all = if runs.is_empty() { Some(records.find()?) } else { None };
+    let folders = match &all {
+        Some(place) => reader::paths(&place.path).map_err(|error| store_refusal(&error))?,
+        None => {
+            let mut folders = Vec::new();
+            for run in runs {
+                let (named, place) = resolve_in(records, run)?;
+                if named.is_empty() {
+                    return Ok(no_such(run, place.as_ref()));
+                }
+                folders.extend(named);
+            }
+            folders
+        }
+    };
+    let (mut bad, mut newer, mut running, mut never_begun, mut incomplete) = (0, 0, 0, 0, 0);
+    let mut late_closes = LateCloses::default();
+    let mut books = Books::default();
+    // The whole chain is told behind the runs.
+    let chain = match &all {
+        Some(place) => {
+            let (checked, book) = verify_against(&place.path, against).map_err(|error| store_refusal(&error))?;
+            let path = std::path::absolute(&place.path).unwrap_or_else(|_| place.path.clone());
+            books.book = Some((path, book));
+            Some(checked)
+        }
+        None => None,
+    };
+    for folder in &folders {
+        let mut found = reader::check(folder);
+        let place = folder.display();
+        if found.running {
+            running += 1;
+            out.say(format_args!("{place}: running: its record can be verified when the run has ended"));
+            continue;
+        }
+        if found.never_begun {
+            never_begun += 1;
+            out.say(format_args!("{place}: {}", ReadError::NeverBegun));
+            continue;
+        }
+        // A run that the chain names had its digests when it was closed.
+        if let Some(what) = found.incomplete.take() {
+            if !books.of(folder).is_some_and(|(run, book)| book.names(&run)) {
+                incomplete += 1;
+                out.say_of(&place.to_string(), printable(&what));
+                continue;
+            }
+            found.problems.push(what);
+        }
+        let mut unsigned = None;
+        if let Some((run, book)) = books.of(folder) {
+            if !against.keys.is_empty() && !reader::is_signed(folder) {
+                unsigned = book.why_unsigned(&run);
+            }
+            if all.is_none() && reader::is_sealed(folder) {
+                found.problems.extend(book.of_run(&run, against.keys));
+            }
+        }
+        if unsigned.is_none() {
+            found.problems.extend(reader::verify_signature(folder, against.keys));
+        }
+        let whole = found.problems.is_empty();
+        let late = late_closes.of(folder).map_err(|error| store_refusal(&error))?;
+        if let Some(late) = &late {
+            let now =
+                if whole { "its files are as the journal left them" } else { "its files were changed after that" };
+            out.say(format_args!("{place}: {}; {now}", printable(&late.in_words())));
+        }
+        match &found.newer {
+            Some(why) if whole => {
+                out.say(format_args!("{place}: {why}: its digests agree, but this version cannot compare its journal"));
+            }
+            Some(why) => out.say(format_args!("{place}: {why}")),
+            None if whole && late.is_none() && unsigned.is_none() => out.say(format_args!("{place}: as written")),
+            None => {}
+        }
+        if let Some(why) = unsigned.filter(|_| whole) {
+            out.say(format_args!("{place}: as written; {why}"));
+        }
+        for problem in &found.problems {
+            out.say_of(&place.to_string(), printable(problem));
+        }
+        bad += usize::from(!whole);
+        newer += usize::from(whole && found.newer.is_some());
+    }
+    let ended = folders.len() - running - never_begun;
+    let whole = ended - bad - newer - incomplete;
+    out.say(format_args!("{whole} of {ended} runs are as written"));
+    if let Some(checked) = &chain {
+        bad += along_the_chain(checked, &mut out);
+        incomplete += checked.incomplete.len();
+    } else if let Some((_, book)) = folders.last().and_then(|folder| books.of(folder)) {
+        for problem in book.unlike(against.heads) {
+            bad += 1;
+            out.say_of(&out.wording.text("chain"), printable(&problem));
+        }
+    }
+    if bad > 0 {
+        let try_this = "test the module of an interrupted run again; restore changed files from a backup";
+        complain("these records are not as they were written, so they prove nothing", try_this);
+        return Ok(ExitCode::from(NOT_AS_WRITTEN));
+    }
+    if incomplete > 0 {
+        complain(
+            "these records are incomplete: a station ended, or could not write, before they were closed",
+            "start a run of that station: it mends what is left and says what; then verify again",
+        );
+        return Ok(ExitCode::from(INCOMPLETE));
+    }
+    if newer > 0 {
+        let what = format!(
+            "a newer version of the station wrote {newer} of these records: this version found nothing wrong, but cannot check all of them"
+        );
+        return Ok(refuse(what, "verify them with that version, or a later one"));
+    }
+    // Who verifies all runs of a station that works gets no alarm; who names a run wants to know about that one.
+    if running > 0 && all.is_none() {
+        return Ok(refuse(format_args!("{running} of these runs go on"), "verify them when they have ended"));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints what the chain of closed runs shows, and returns the number of its problems.
+fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) -> usize {
+    let ChainCheck { runs, first, problems, incomplete, notes, late } = checked;
+    if problems.is_empty() && incomplete.is_empty() && *runs > 0 {
+        let elsewhere = if *first > 1 {
+            format!(" from run {first} on; earlier runs are not in this folder")
+        } else {
+            String::new()
+        };
+        out.say(format_args!("the chain of {runs} closed runs is whole{elsewhere}"));
+    }
+    match late {
+        0 => {}
+        1 => out.say("1 run of the chain was closed late and never counts as a pass"),
+        late => out.say(format_args!("{late} runs of the chain were closed late and never count as a pass")),
+    }
+    for said in notes.iter().chain(incomplete).chain(problems) {
+        out.say_of(&out.wording.text("chain"), printable(said));
+    }
+    problems.len()
+}
