@@ -19,6 +19,7 @@ mod names;
 mod raw;
 pub mod reader;
 mod record_writer;
+mod recovery;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -26,12 +27,13 @@ use std::path::{Path, PathBuf};
 use gnc_executive::state::OutOfOrder;
 
 pub use begun::was_never_begun;
-pub use closing::{Sealer, goes_on, pretty, seal_interrupted};
+pub use closing::{goes_on, pretty};
 pub use folder::RunFolder;
 pub use key::{KeyError, PublicKey, StationKey};
 pub use name::number_of;
 pub use raw::RawFile;
 pub use record_writer::{RecordWriter, Watcher};
+pub use recovery::{Sealer, seal_interrupted};
 
 /// The journal of a run.
 pub const JOURNAL: &str = "events.jsonl";
@@ -94,6 +96,7 @@ impl StoreError {
             io::ErrorKind::PermissionDenied => "make the folder writable for this user, or choose one with --records",
             io::ErrorKind::ReadOnlyFilesystem => "mount the disk writable, or choose another folder with --records",
             io::ErrorKind::NotFound => "check the path, or choose another folder with --records",
+            io::ErrorKind::ResourceBusy => "end the program that holds the records folder, or wait until it is done",
             io::ErrorKind::NotADirectory => "a file has that name; choose another folder with --records",
             _ => "check the disk, or choose another folder with --records",
         }

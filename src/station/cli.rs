@@ -4,8 +4,10 @@ use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
+use signal_hook::consts::SIGXFSZ;
 
 use crate::args::{RecordsCommand, RunArgs};
 use crate::auto::JunitFile;
@@ -166,6 +168,9 @@ fn reports<'a>(words: &[OsString], commands: impl IntoIterator<Item = &'a str>) 
 
 /// Runs the program.
 pub fn main() -> ExitCode {
+    // Behind a limit on the size of files (`ulimit -f`) the system ends a program without a word. With this the write fails, and
+    // that is told.
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {

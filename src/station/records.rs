@@ -12,7 +12,7 @@ use gnc_executive::standing::Seal;
 use gnc_executive::text;
 use gnc_records::store::chain::LateCloses;
 use gnc_records::store::reader::{self, Wanted};
-use gnc_records::store::{StationKey, StoreError, chain};
+use gnc_records::store::{StationKey, StoreError, chain, goes_on};
 use gnc_text::printable;
 
 use crate::args::RecordsCommand;
@@ -76,6 +76,10 @@ fn show(folder: &Path) -> ExitCode {
             // The journal cannot tell it. Whoever wants to know why the chain cannot be read verifies the run.
             if let Ok(Some(late)) = LateCloses::default().of(folder) {
                 out.say(format_args!("\nCLOSED LATE: {}", printable(&late.in_words())));
+            }
+            let lacks = || LateCloses::default().lacks(folder).is_ok_and(|lacks| lacks);
+            if !run.interrupted && !goes_on(folder) && (!reader::is_sealed(folder) || lacks()) {
+                out.say("\nNOT CLOSED: its station ended, or could not write, before the run was in the chain; it is not a pass");
             }
             if let Ok(Some(place)) = chain::place_of(folder) {
                 out.say(format_args!("\nChain: {place}"));

@@ -61,6 +61,16 @@ fn only_passes_that_count_are_listed_as_passed() {
         assert!(list.stdout.lines().any(|line| line.split(' ').next() == Some(word)), "{}", list.stdout);
     }
     assert_eq!(listed(&place, &["--outcome", "passed,changed,rejudged"]).len(), 4);
+    // Nor do programs read a pass.
+    for (serial_number, outcome) in [("B", "errored"), ("C", "errored"), ("D", "passed")] {
+        let list = place.run(["records", "list", "--json", "--serial-number", serial_number]);
+        let lines: Vec<Value> = serde_json::from_str(&list.stdout).expect("JSON");
+        assert_eq!(lines[0]["outcome"], outcome, "{}", list.stdout);
+        let table = place.run(["records", "list", "--csv", "--serial-number", serial_number]).stdout;
+        assert_eq!(table.lines().last().and_then(|line| line.split(',').nth(2)), Some(outcome), "{table}");
+    }
+    let shown = place.run(["records", "show", "C"]).stdout;
+    assert!(shown.contains("NOT CLOSED: its station ended, or could not write"), "{shown}");
 }
 
 /// The clock was set back: the run that was closed last has the older folder.

@@ -28,6 +28,7 @@ mod check;
 mod entry;
 mod links;
 mod matching;
+mod mend;
 mod order;
 mod places;
 mod read;
@@ -38,6 +39,7 @@ pub(crate) use apart::{apart, last_number};
 #[cfg(test)]
 pub(crate) use append::append;
 pub(crate) use append::append_as;
+pub use append::try_out;
 pub(super) use before::{Before, unknown};
 pub(crate) use begin::begin;
 pub(crate) use begin::digest_of_first_line;
@@ -47,6 +49,7 @@ pub(crate) use entry::Scribe;
 pub use entry::{LateClose, Place};
 pub use links::{ChainStanding, LateCloses, standing};
 pub(crate) use links::{DayLinks, of_day};
+pub(in crate::store) use mend::mend;
 pub(crate) use order::by_close;
 
 /// The file of the chain in a day's folder.

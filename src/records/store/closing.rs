@@ -1,32 +1,22 @@
 //! Closes a run's folder: it makes the files for people and programs from the journal, then the digests of all files,
-//! then the entry in the chain. If the program or the computer died before that, the next start does it.
+//! then the entry in the chain. If the program or the computer died before that, the next start does it ([`super::recovery`]).
 
 use std::fs::{self, File};
 use std::io;
 use std::path::Path;
 
-use chrono::{DateTime, FixedOffset};
-use gnc_executive::event::ProgramVersion;
 use gnc_executive::record::RunRecord;
-use gnc_executive::state::RunState;
 use gnc_executive::text;
 use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
-use super::chain::{Before, LateClose, Place, Scribe};
+use super::chain::{LateClose, Place, Scribe};
 use super::cut_off::CutOffFile;
 use super::digest::{self, FileDigests};
-use super::folder::PART;
-use super::{
-    DIGESTS, JOURNAL, LOG, PAPERS, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, chain, cut_off, late, on,
-    reader,
-};
+use super::folder::{PART, sync_dir};
+use super::{DIGESTS, JOURNAL, LOG, PAPERS, RECORD, RunFolder, SIGNATURE, StoreError, chain, on};
 use crate::passport::{self, NoPassport, PASSPORT, PASSPORT_XML};
 use crate::report::{self, REPORT};
-
-/// Number of newest runs that are searched for interrupted ones: a station that died starts again before a thousand
-/// other runs.
-const LOOKED_AT: usize = 1000;
 
 /// Locks a journal, so that a search for interrupted runs sees that this run goes on. The kernel releases the lock when
 /// the program dies.
@@ -58,6 +48,31 @@ pub(super) fn close(
     by: &Scribe<'_>,
     began: Option<&Place>,
 ) -> Result<(), StoreError> {
+    let closed = seal_files(folder, record, cut_off, by, began).and_then(|()| chain::append_as(folder.path(), by));
+    if closed.is_err() {
+        withdraw(folder.path());
+    }
+    closed
+}
+
+/// Takes back all that calls the run closed, the digests first, so that no face takes it for what its items said. The journal
+/// stays, and the next start closes the run late.
+fn withdraw(run: &Path) {
+    let made = [DIGESTS, SIGNATURE].into_iter().chain(PAPERS).chain([RECORD, LOG]);
+    for name in made {
+        // The reported error is that of the closing. What stays has no line in the chain.
+        let _ = fs::remove_file(run.join(name));
+    }
+    let _ = sync_dir(run);
+}
+
+fn seal_files(
+    folder: &RunFolder,
+    record: Option<&RunRecord>,
+    cut_off: &[CutOffFile],
+    by: &Scribe<'_>,
+    began: Option<&Place>,
+) -> Result<(), StoreError> {
     let late = by.late;
     let mut sums = FileDigests::default();
     if record.is_some_and(|record| record.other_module.is_some()) {
@@ -78,8 +93,7 @@ pub(super) fn close(
         let signature = key.sign(digests.as_bytes());
         folder.put_synced(SIGNATURE, |out| out.write_all(&signature))?;
     }
-    folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))?;
-    chain::append_as(folder.path(), by)
+    folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))
 }
 
 /// The run as lines for people. It also lists what the journal cannot tell: that the run is closed late, and raw files that
@@ -128,136 +142,6 @@ fn file_papers(
     folder.put(REPORT, |out| report::html(out, record, &passport, &digests, late.as_deref(), chain.as_deref()))
 }
 
-/// Who closes what an earlier start left behind, and when.
-#[derive(Debug, Clone, Copy)]
-pub struct Sealer<'a> {
-    /// The station. It closes late only what a station of this name left.
-    pub station: &'a str,
-    /// The program.
-    pub program: &'a ProgramVersion,
-    /// The time by the clock of the computer.
-    pub at: DateTime<FixedOffset>,
-    /// Signs what is closed.
-    pub key: Option<&'a StationKey>,
-}
-
-impl Sealer<'_> {
-    /// Writes lines of the chain.
-    pub(super) fn scribe(&self) -> Scribe<'_> {
-        Scribe { station: self.station, at: self.at, key: self.key, late: None }
-    }
-}
-
-/// Seals the interrupted runs, and closes late the runs of this station that ended and missed the chain. Returns a line
-/// about each.
-#[must_use]
-pub fn seal_interrupted(records: &Path, sealer: &Sealer<'_>) -> Vec<String> {
-    // The first run of a station creates the folder.
-    if !records.exists() {
-        return Vec::new();
-    }
-    let mut runs: Vec<_> = reader::newest(records, LOOKED_AT).filter(|run| run.join(JOURNAL).is_file()).collect();
-    runs.reverse();
-    let (closed, open): (Vec<_>, Vec<_>) = runs.into_iter().partition(|run| run.join(DIGESTS).exists());
-    let name = |run: &Path| run.strip_prefix(records).unwrap_or(run).display().to_string();
-    let cannot =
-        |error: &StoreError| format!("cannot be sealed: {}; {}", gnc_text::with_causes(error), error.try_this());
-    let sealed_before = closed.len();
-    // The chain as it is before this start writes into it.
-    let known = chain::unknown(records, closed).and_then(|unknown| {
-        let is_any = !unknown.is_empty() || !open.is_empty();
-        Ok((unknown, if is_any { Some(Before::read(records)?) } else { None }))
-    });
-    let (unknown, before) = match known {
-        Ok((unknown, Some(before))) => (unknown, before),
-        Ok((_, None)) => return Vec::new(),
-        Err(error) => return vec![format!("the interrupted runs {}", cannot(&error))],
-    };
-    let mut lines = Vec::new();
-    let mut ended = Vec::new();
-    for run in unknown {
-        match put_into_chain(records, &run, &sealer.scribe()) {
-            Ok(Left::Sealed(())) => lines.push(format!(
-                "{} was interrupted while the station sealed it; the sealing is complete now",
-                name(&run)
-            )),
-            Ok(Left::Ended) => ended.push(run),
-            Ok(Left::Alone) => {}
-            Err(error) => {
-                lines.push(format!(
-                    "{} was interrupted while the station sealed it and {}",
-                    name(&run),
-                    cannot(&error)
-                ));
-            }
-        }
-    }
-    for run in open {
-        match seal(&run, &sealer.scribe()) {
-            Ok(Left::Sealed(what)) => lines.push(format!("{} {what}", name(&run))),
-            Ok(Left::Ended) => ended.push(run),
-            Ok(Left::Alone) => {}
-            Err(error) => lines.push(format!("{} was interrupted and {}", name(&run), cannot(&error))),
-        }
-    }
-    let others = sealed_before + ended.iter().filter(|run| !reader::is_sealed(run)).count();
-    for (run, closed) in late::close(records, ended, &before, others, sealer) {
-        match closed {
-            Ok(what) => lines.push(format!("{} {what}", name(&run))),
-            Err(error) => lines.push(format!("{} ended, was not closed and {}", name(&run), cannot(&error))),
-        }
-    }
-    lines
-}
-
-/// What a start does about a run that an earlier one left.
-enum Left<T> {
-    /// It has sealed the run.
-    Sealed(T),
-    /// The run has an end, so it can only be closed late.
-    Ended,
-    /// The run goes on, is sealed by another station, or cannot be read.
-    Alone,
-}
-
-/// Appends a sealed run to the chain if a kill came between its digests and the chain. A run that ended is not appended
-/// here: it may have been inserted later.
-fn put_into_chain(records: &Path, run: &Path, by: &Scribe<'_>) -> Result<Left<()>, StoreError> {
-    let path = run.join(JOURNAL);
-    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
-    let Some(state) = reader::fold(run).ok().filter(|state| state.header().is_some()) else { return Ok(Left::Alone) };
-    if !state.is_interrupted() {
-        return Ok(Left::Ended);
-    }
-    // Another station may have appended it meanwhile.
-    let is_unknown = !chain::unknown(records, vec![run.to_owned()])?.is_empty();
-    if !is_unknown || !reader::verify(run).is_empty() {
-        return Ok(Left::Alone);
-    }
-    // An earlier version wrote no line when the run began.
-    chain::begin(run, by)?;
-    chain::append_as(run, by)?;
-    Ok(Left::Sealed(()))
-}
-
-/// Seals a run without an end.
-fn seal(run: &Path, by: &Scribe<'_>) -> Result<Left<String>, StoreError> {
-    let path = run.join(JOURNAL);
-    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
-    // Another station may have sealed it meanwhile.
-    let Some(state) = reader::fold(run).ok().filter(|_| !run.join(DIGESTS).exists()) else { return Ok(Left::Alone) };
-    let Some(record) = RunRecord::from_state(&state) else { return Ok(Left::Alone) };
-    if !record.interrupted {
-        return Ok(Left::Ended);
-    }
-    clear_away(run)?;
-    let folder = RunFolder::existing(run).signed_with(by.key.cloned());
-    let cut_off = cut_off::complete(&folder)?.files;
-    let began = chain::begin(run, by)?;
-    close(&folder, Some(&record), &cut_off, by, Some(&began))?;
-    Ok(Left::Sealed(in_words(&state, &record, &cut_off)))
-}
-
 /// Removes what an earlier sealing left when it was killed: unfinished part files, and the papers, which are made after
 /// all files that they name.
 pub(super) fn clear_away(run: &Path) -> Result<(), StoreError> {
@@ -269,17 +153,16 @@ pub(super) fn clear_away(run: &Path) -> Result<(), StoreError> {
         let path = run.join(file);
         on(fs::remove_file(&path), "remove", &path)?;
     }
-    Ok(())
+    // Without digests it is the signature of digests that are lost.
+    remove(&run.join(SIGNATURE))
 }
 
-fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> String {
-    let running = state.rows().iter().filter(|row| row.running().is_some());
-    let running: Vec<&str> = running.map(|row| row.planned.name.as_str()).collect();
-    let during = if running.is_empty() { String::new() } else { format!(" during {}", running.join(", ")) };
-    let last = state.last().map_or_else(String::new, |last| format!(" after {}", last.at.format("%F %T")));
-    let serial_number = &record.serial_number;
-    let ended: String = cut_off.iter().map(|file| format!("{}; ", file.in_short())).collect();
-    format!("was interrupted{during}{last}; {ended}it is sealed as interrupted; test {serial_number} again")
+/// Removes a file that may be there.
+pub(super) fn remove(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => on(Err(error), "remove", path),
+        _ => Ok(()),
+    }
 }
 
 /// Writes JSON in the form of the record's files.

@@ -41,9 +41,16 @@ impl RunFolder {
         plan: &str,
     ) -> Result<Self, StoreError> {
         let day = records.join(at.format("%Y-%m-%d").to_string()).join(name::of_module(serial_number));
-        on(fs::create_dir_all(&day), "create", &day)?;
         let name = format!("{}-{}", at.format("%H%M%S"), name::of_part(plan));
-        let folder = Self::fresh(&day, &name)?;
+        let create = || {
+            on(fs::create_dir_all(&day), "create", &day)?;
+            Self::fresh(&day, &name)
+        };
+        // The start of another station takes empty folders away, also between these two steps.
+        let folder = match create() {
+            Err(StoreError::File { source, .. }) if source.kind() == io::ErrorKind::NotFound => create()?,
+            created => created?,
+        };
         // The names of the new folders must survive a power cut as well.
         let mut dirs = [Some(day.as_path()), day.parent(), Some(records)].into_iter().flatten();
         let synced = dirs.try_for_each(sync_dir);
@@ -103,8 +110,11 @@ impl RunFolder {
             match DirBuilder::new().create(&path) {
                 Ok(()) => {
                     let held = File::open(&path).ok();
-                    let held = held.and_then(|folder| Flock::lock(folder, FlockArg::LockExclusiveNonblock).ok());
-                    return Ok(Self::at(path, held));
+                    // It waits for the start of another station that is taking the empty folder away.
+                    let held = held.and_then(|folder| Flock::lock(folder, FlockArg::LockExclusive).ok());
+                    if path.is_dir() {
+                        return Ok(Self::at(path, held));
+                    }
                 }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return on(Err(error), "create", &path),
@@ -219,6 +229,11 @@ impl RunFolder {
         on(written, "write", &part)?;
         on(fs::rename(&part, &path), "write", &path)
     }
+}
+
+/// Whether a folder has the name of a run's folder: `TIME-PLAN`.
+pub(super) fn is_name_of_run(name: &str) -> bool {
+    name.split_once('-').is_some_and(|(time, _)| time.len() == 6 && time.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
 pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {

@@ -13,8 +13,9 @@ use gnc_executive::record::{ItemFile, RunRecord};
 use gnc_executive::state::RunState;
 
 use super::chain::{self, Before, LateClose, Scribe};
-use super::closing::{self, Sealer};
-use super::{DIGESTS, ITEM, JOURNAL, RECORD, RunFolder, SIGNATURE, StoreError, cut_off, item_folder, on, reader};
+use super::closing;
+use super::recovery::{Sealer, Until};
+use super::{DIGESTS, ITEM, JOURNAL, RECORD, RunFolder, StoreError, cut_off, item_folder, on, reader};
 
 /// Closes those of the ended runs that a sudden end of this station left, and returns what was done with each. `before` is
 /// the chain before this start wrote into it, and `others` the number of all runs that are closed or ended.
@@ -24,12 +25,13 @@ pub(super) fn close(
     before: &Before,
     others: usize,
     sealer: &Sealer<'_>,
+    until: &mut Until,
 ) -> Vec<(PathBuf, Result<String, StoreError>)> {
     // Only the first run of a folder can miss a chain without any line. If there are more, the chain was lost.
     if before.is_new() && others > 1 {
         return Vec::new();
     }
-    let left = ended.into_iter().filter(|run| before.may_lack(records, run));
+    let left = ended.into_iter().filter(|run| before.may_lack(records, run)).filter(|_| until.has_time());
     let done = left.filter_map(|run| match close_one(records, &run, sealer) {
         Ok(what) => what.map(|what| (run, Ok(what))),
         Err(error) => Some((run, Err(error))),
@@ -50,25 +52,22 @@ fn close_one(records: &Path, run: &Path, sealer: &Sealer<'_>) -> Result<Option<S
     let Some(record) = record.filter(|record| record.station == sealer.station) else { return Ok(None) };
     let late = LateClose::new(sealer.at, &format!("{}-{}", sealer.program.name, sealer.program.version));
     let by = Scribe { late: Some(&late), ..sealer.scribe() };
-    if run.join(DIGESTS).exists() {
+    let digests = run.join(DIGESTS);
+    if digests.exists() {
         if !reader::verify(run).is_empty() {
             return Ok(None);
         }
-        chain::begin(run, &by)?;
-        chain::append_as(run, &by)?;
-    } else {
-        if contradicts(run, &record)? {
-            return Ok(None);
-        }
-        closing::clear_away(run)?;
-        // A signature without digests is of digests that are lost.
-        remove(&run.join(SIGNATURE))?;
-        let folder = RunFolder::existing(run).signed_with(sealer.key.cloned());
-        complete_items(&folder, &state)?;
-        let cut_off = cut_off::complete(&folder)?.files;
-        let began = chain::begin(run, &by)?;
-        closing::close(&folder, Some(&record), &cut_off, &by, Some(&began))?;
+        // The papers say that the run was closed in time. All but the journal and the samples is made again.
+        closing::remove(&digests)?;
+    } else if contradicts(run, &record)? {
+        return Ok(None);
     }
+    closing::clear_away(run)?;
+    let folder = RunFolder::existing(run).signed_with(sealer.key.cloned());
+    complete_items(&folder, &state)?;
+    let cut_off = cut_off::complete(&folder)?.files;
+    let began = chain::begin(run, &by)?;
+    closing::close(&folder, Some(&record), &cut_off, &by, Some(&began))?;
     let ended = record.finished.map_or_else(String::new, |at| format!(" at {}", at.format("%F %T")));
     let serial_number = gnc_text::printable(&record.serial_number);
     Ok(Some(format!(
@@ -102,13 +101,6 @@ fn complete_items(folder: &RunFolder, state: &RunState) -> Result<(), StoreError
         }
     }
     Ok(())
-}
-
-fn remove(path: &Path) -> Result<(), StoreError> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => on(Err(error), "remove", path),
-        _ => Ok(()),
-    }
 }
 
 #[cfg(test)]

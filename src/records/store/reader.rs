@@ -109,6 +109,8 @@ pub struct Verified {
     pub running: bool,
     /// A station made the folder and ended before the first event: it holds nothing that could be wrong.
     pub never_begun: bool,
+    /// The station ended, or could not write, before the run was closed, and its next start does so: what is missing, a sentence.
+    pub incomplete: Option<String>,
 }
 
 /// A run found in the records folder.
@@ -478,7 +480,8 @@ fn journal_of(folder: &Path) -> Result<Vec<u8>, ReadError> {
 /// run of a later version this cannot be confirmed.
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
-    let Verified { mut problems, newer, running, never_begun } = check(folder);
+    let Verified { mut problems, newer, running, never_begun, incomplete } = check(folder);
+    problems.extend(incomplete);
     problems.extend(newer.map(|newer| newer.to_string()));
     problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
     problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
@@ -514,6 +517,7 @@ pub fn verify_signature(folder: &Path, keys: &[PublicKey]) -> Option<String> {
 
 fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let only = |problem: String| Ok(Verified { problems: vec![problem], ..Verified::default() });
+    let incomplete = |what: String, newer| Ok(Verified { incomplete: Some(what), newer, ..Verified::default() });
     let path = folder.join(DIGESTS);
     // Looked at before the journal is read: a run that ends meanwhile has its digests then.
     if !path.exists() && goes_on(folder) {
@@ -527,13 +531,13 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     };
     // The next start seals an interrupted run.
     if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted() && !path.exists()) {
-        return only("interrupted: the run has no end, so it cannot be verified".into());
+        return incomplete("interrupted: its station ended in the run; the next start seals it".into(), newer);
     }
     if !path.exists() {
         let problem = format!(
             "ended and not closed, so it cannot be verified: {DIGESTS} is missing; if its station ended too early, its next start closes the run late"
         );
-        return Ok(Verified { problems: vec![problem], newer, ..Verified::default() });
+        return incomplete(problem, newer);
     }
     let (sums, bad) = FileDigests::read(folder)?;
     let mut problems = vec![format!("{DIGESTS} holds a line that is not a digest"); bad];

@@ -289,7 +289,11 @@ impl JournalFile {
         match &event.kind {
             EventKind::RunStarted { header, .. } => self.begin(header, event)?,
             EventKind::ItemEnded { item, .. } => self.file_item(item)?,
-            EventKind::RunEnded(_) => self.close_folder(event)?,
+            EventKind::RunEnded(_) => {
+                // Before the run is closed: behind that no error may make a closed run an errored one.
+                on(self.journal.sync_data(), "write", &path)?;
+                return self.close_folder(event);
+            }
             _ => {}
         }
         if sync {

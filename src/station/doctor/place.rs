@@ -4,7 +4,7 @@ use std::io::IsTerminal as _;
 use std::path::Path;
 
 use gnc_bench::clock;
-use gnc_records::store::reader;
+use gnc_records::store::{chain, reader};
 use nix::sys::statvfs::statvfs;
 use nix::unistd::{AccessFlags, access};
 
@@ -36,6 +36,10 @@ pub(super) fn records(folder: &Path) -> Vec<Finding> {
         return vec![Finding::bad(format!("records cannot go to {shown}: {}", error.desc()), mend)];
     }
     let mut findings = vec![Finding::good(format!("records go to {shown}"))];
+    if let Err(error) = chain::try_out(folder) {
+        let what = format!("no run can be closed: {}", gnc_text::with_causes(&error));
+        findings.push(Finding::bad(what, error.try_this()));
+    }
     match reader::list(folder) {
         Ok(runs) => {
             let open = runs.iter().filter(|run| !run.sealed && !run.running).count();

@@ -6,9 +6,11 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
+use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::{Flaw, Seal};
 use gnc_executive::verdict::Verdict;
 use gnc_records::standing::Seals;
+use gnc_records::store::StoreError;
 use gnc_records::store::reader::{self, Found, FoundRun, Wanted};
 use gnc_text::printable;
 
@@ -54,6 +56,15 @@ pub(super) fn verdict(found: &FoundRun) -> Option<Verdict> {
     found.run.as_ref().ok().filter(|_| found.state() == Found::Closed).map(|run| run.verdict)
 }
 
+/// The verdict of a closed run by its record: what is not in the chain as it was closed is no pass, whatever its items said. The
+/// station called such a run errored, or did not live to call it anything.
+fn proved(found: &FoundRun, kept: Option<Seal>) -> Option<Verdict> {
+    let verdict = verdict(found)?;
+    let is_flawed = matches!(kept, Some(Seal::Flawed(flaw)) if flaw != Flaw::UnderWay);
+    let is_good = verdict.of_items().is_good();
+    Some(if is_flawed && is_good { verdict.at_least(Outcome::Errored) } else { verdict })
+}
+
 /// Why the verdict of a closed run counts for nothing, in the word of `--outcome`; `None` if it may count.
 fn worth(found: &FoundRun, kept: Option<Seal>) -> Option<&'static str> {
     let is_rejudged = verdict(found).is_some() && found.run.as_ref().is_ok_and(|run| run.recomputed.is_some());
@@ -93,7 +104,11 @@ pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         // The reader has seen enough.
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
-        Err(error) => refuse(format_args!("the list cannot be written: {error}"), "check where the output goes"),
+        Err(error) => match error.downcast::<StoreError>() {
+            // The chain cannot be read, and without it nothing is known of any run.
+            Ok(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
+            Err(error) => refuse(format_args!("the list cannot be written: {error}"), "check where the output goes"),
+        },
     }
 }
 

@@ -15,6 +15,9 @@ use crate::wording::Lines;
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
 
+/// Exit code of a verification that found no change, but what a sudden end left: the next start mends it.
+const INCOMPLETE: u8 = 3;
+
 /// Longest copy of `COUNTER` that is read: it is one line, and people may have written beside it.
 const MAX_COUNTER_BYTES: u64 = 4096;
 
@@ -91,7 +94,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             folders
         }
     };
-    let (mut bad, mut newer, mut running, mut never_begun) = (0, 0, 0, 0);
+    let (mut bad, mut newer, mut running, mut never_begun, mut incomplete) = (0, 0, 0, 0, 0);
     let mut late_closes = LateCloses::default();
     let mut books = Books::default();
     // The whole chain is told behind the runs.
@@ -116,6 +119,15 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             never_begun += 1;
             out.say(format_args!("{place}: {}", ReadError::NeverBegun));
             continue;
+        }
+        // A run that the chain names had its digests when it was closed.
+        if let Some(what) = found.incomplete.take() {
+            if !books.of(folder).is_some_and(|(run, book)| book.names(&run)) {
+                incomplete += 1;
+                out.say_of(&place.to_string(), printable(&what));
+                continue;
+            }
+            found.problems.push(what);
         }
         let mut unsigned = None;
         if let Some((run, book)) = books.of(folder) {
@@ -153,10 +165,12 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         bad += usize::from(!whole);
         newer += usize::from(whole && found.newer.is_some());
     }
-    let (whole, ended) = (folders.len() - bad - newer - running - never_begun, folders.len() - running - never_begun);
+    let ended = folders.len() - running - never_begun;
+    let whole = ended - bad - newer - incomplete;
     out.say(format_args!("{whole} of {ended} runs are as written"));
     if let Some(checked) = &chain {
         bad += along_the_chain(checked, &mut out);
+        incomplete += checked.incomplete.len();
     } else if let Some((_, book)) = folders.last().and_then(|folder| books.of(folder)) {
         for problem in book.unlike(against.heads) {
             bad += 1;
@@ -167,6 +181,13 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         let try_this = "test the module of an interrupted run again; restore changed files from a backup";
         complain("these records are not as they were written, so they prove nothing", try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
+    }
+    if incomplete > 0 {
+        complain(
+            "these records are incomplete: a station ended, or could not write, before they were closed",
+            "start a run of that station: it mends what is left and says what; then verify again",
+        );
+        return Ok(ExitCode::from(INCOMPLETE));
     }
     if newer > 0 {
         let what = format!(
@@ -183,8 +204,8 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.
 fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) -> usize {
-    let ChainCheck { runs, first, problems, notes, late } = checked;
-    if problems.is_empty() && *runs > 0 {
+    let ChainCheck { runs, first, problems, incomplete, notes, late } = checked;
+    if problems.is_empty() && incomplete.is_empty() && *runs > 0 {
         let elsewhere = if *first > 1 {
             format!(" from run {first} on; earlier runs are not in this folder")
         } else {
@@ -197,7 +218,7 @@ fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) 
         1 => out.say("1 run of the chain was closed late and never counts as a pass"),
         late => out.say(format_args!("{late} runs of the chain were closed late and never count as a pass")),
     }
-    for said in notes.iter().chain(problems) {
+    for said in notes.iter().chain(incomplete).chain(problems) {
         out.say_of(&out.wording.text("chain"), printable(said));
     }
     problems.len()

@@ -1,10 +1,16 @@
 //! Appends runs to the chain, under the lock of the whole folder.
+//!
+//! The line closes a run: as soon as it is on disk the run is closed, and before that it is not. If the line cannot be
+//! written, it is taken back, and the caller takes the seal of the run back. `COUNTER` follows the chain and decides nothing: if
+//! it cannot be written, the run is closed all the same, `records verify` names the difference, and the next run or the next
+//! start mends it. So no error can leave a run that one face calls closed and another one not.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use gnc_files::{PART, Part};
 use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
@@ -19,7 +25,7 @@ const LOCKED_FOR: Duration = Duration::from_secs(10);
 
 /// Number of newest days that are searched for the last line: a run that went on past midnight is closed in the day
 /// before.
-const NEWEST_DAYS: usize = 3;
+pub(super) const NEWEST_DAYS: usize = 3;
 
 /// Time between two looks at the lock.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
@@ -75,61 +81,130 @@ impl<'a> Book<'a> {
         Ok(Self { records, _lock: lock(records)? })
     }
 
-    /// Writes the next line into the chain of a day.
+    /// Writes the next line into the chain of a day. Behind an error the chain is as it was before.
     pub(super) fn write(self, day: &Path, line: impl FnOnce(&Place) -> ChainEntry) -> Result<Place, StoreError> {
-        let line = line(&last(self.records)?);
+        let before = last(self.records)?;
         let path = day.join(CHAIN);
+        on(is_not_the_last(before.number), "write", &path)?;
+        let line = line(&before);
         let mut file = on(OpenOptions::new().create(true).append(true).open(&path), "write", &path)?;
         let whole = on(whole_lines(&path), "read", &path)?;
         on(file.set_len(whole), "write", &path)?;
-        let written = file.write_all(line.line().as_bytes()).and_then(|()| file.sync_all());
+        let written = on(file.write_all(line.line().as_bytes()).and_then(|()| file.sync_all()), "write", &path);
+        let written = written.and_then(|()| sync_dir(day)).and_then(|()| match count(self.records, &line.place()) {
+            // Nothing has power yet: a run begins only where it can be counted.
+            Err(error) if !line.is_close() => Err(error),
+            // The line has closed the run. A counter that is behind is named by each check and mended by the next start.
+            _ => Ok(()),
+        });
         if written.is_err() {
-            // Ignore the error: half a line is taken away before the next one.
-            let _ = file.set_len(whole);
+            // The reported error is that of the line. If this fails too, the run has no seal, so it is not closed.
+            let _ = file.set_len(whole).and_then(|()| file.sync_all());
         }
-        on(written, "write", &path)?;
-        sync_dir(day)?;
-        count(self.records, line.number, &line.link)?;
+        written?;
         Ok(line.place())
     }
 }
 
+/// Numbers go on for ever, but not in a file that was changed.
+fn is_not_the_last(number: u64) -> io::Result<()> {
+    let why = "the chain or COUNTER says the highest number that there is, so it was changed";
+    if number < u64::MAX { Ok(()) } else { Err(io::Error::new(io::ErrorKind::InvalidData, why)) }
+}
+
 /// Bytes of a chain up to the end of its last whole line. A power cut or a full disk may leave half a line, which would
 /// swallow the next one.
-fn whole_lines(path: &Path) -> io::Result<u64> {
+pub(super) fn whole_lines(path: &Path) -> io::Result<u64> {
     let text = fs::read(path)?;
     Ok(text.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last as u64 + 1))
 }
 
 /// Takes the lock of the whole folder: only one station at a time.
+pub(super) fn lock(records: &Path) -> Result<Flock<File>, StoreError> {
+    lock_within(records, LOCKED_FOR)
+}
+
 #[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
-fn lock(records: &Path) -> Result<Flock<File>, StoreError> {
+pub(super) fn lock_within(records: &Path, wait: Duration) -> Result<Flock<File>, StoreError> {
     let began = Instant::now();
     let mut folder = on(File::open(records), "read", records)?;
     loop {
         match Flock::lock(folder, FlockArg::LockExclusiveNonblock) {
             Ok(lock) => return Ok(lock),
-            Err((back, Errno::EAGAIN)) if began.elapsed() < LOCKED_FOR => folder = back,
+            Err((back, Errno::EAGAIN)) if began.elapsed() < wait => folder = back,
+            Err((_, Errno::EAGAIN)) => {
+                let why = format!("another program holds it for more than {} s", wait.as_secs());
+                return on(Err(io::Error::new(io::ErrorKind::ResourceBusy, why)), "lock", records);
+            }
             Err((_, error)) => return on(Err(error.into()), "lock", records),
         }
         std::thread::sleep(LOOK_EVERY);
     }
 }
 
-fn count(records: &Path, number: u64, link: &str) -> Result<(), StoreError> {
-    let (path, part) = (records.join(COUNTER), records.join(format!("{COUNTER}.part")));
-    let mut file = on(File::create(&part), "write", &part)?;
-    on(writeln!(file, "{number} {link}").and_then(|()| file.sync_all()), "write", &part)?;
-    on(fs::rename(&part, &path), "write", &path)?;
+/// Tries whether a run could be closed here, and leaves everything as it was: whether the counter can be written, the newest
+/// chain too, and no program holds the lock.
+///
+/// # Errors
+/// [`StoreError`]: what a run would meet when it begins.
+pub fn try_out(records: &Path) -> Result<(), StoreError> {
+    let _lock = lock(records)?;
+    last(records)?;
+    let counter = records.join(COUNTER);
+    if counter.is_dir() {
+        return on(Err(io::ErrorKind::IsADirectory.into()), "write", &counter);
+    }
+    drop(on(Part::create(&counter), "write", &counter.with_extension(PART))?);
+    for day in reader::day_names(records)?.iter().rev().take(1) {
+        let chain = records.join(day).join(CHAIN);
+        match OpenOptions::new().append(true).open(&chain) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            opened => drop(on(opened, "write", &chain)?),
+        }
+    }
+    Ok(())
+}
+
+/// Writes number and link of the last run, in one step.
+pub(super) fn count(records: &Path, place: &Place) -> Result<(), StoreError> {
+    let path = records.join(COUNTER);
+    let named = path.with_extension(PART);
+    let mut part = on(Part::create(&path), "write", &named)?;
+    on(writeln!(part, "{place}").and_then(|()| part.sync()), "write", &named)?;
+    on(part.place(), "write", &path)?;
     sync_dir(records)
 }
 
-/// Number and link of the last line. If the power failed between a line and the counter, the line counts.
+/// Number and link of the last line. A line that is not counted yet counts, and the chain alone counts if the counter cannot be
+/// read.
 fn last(records: &Path) -> Result<Place, StoreError> {
-    let counted = counter(records)?.unwrap_or_else(|| Place { number: 0, link: NOTHING.to_owned() });
+    let counted = match counted(records)? {
+        Counted::As(place) => place,
+        Counted::Never | Counted::Unreadable => Place { number: 0, link: NOTHING.to_owned() },
+    };
     let newest = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.lines).max_by_key(|link| link.number);
     Ok(match newest {
         Some(link) if link.number > counted.number => link.place(),
         _ => counted,
+    })
+}
+
+/// What `COUNTER` says.
+pub(super) enum Counted {
+    /// There is none.
+    Never,
+    /// Number and link.
+    As(Place),
+    /// It is empty, or holds something else.
+    Unreadable,
+}
+
+/// Reads the counter as far as it can be read.
+pub(super) fn counted(records: &Path) -> Result<Counted, StoreError> {
+    Ok(match counter(records) {
+        Ok(None) => Counted::Never,
+        Ok(Some(place)) => Counted::As(place),
+        Err(StoreError::File { source, .. }) if source.kind() == io::ErrorKind::InvalidData => Counted::Unreadable,
+        Err(error) => return Err(error),
     })
 }

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::entry::{ChainEntry, Place};
-use super::read::{chain_of, counter, name_in};
+use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
 use super::{COUNTER, NOTHING, matching, places, signed, times};
 use crate::store::{PublicKey, StoreError, goes_on, reader};
 
@@ -35,6 +35,8 @@ pub struct ChainCheck {
     pub first: u64,
     /// What was changed, a sentence each.
     pub problems: Vec<String>,
+    /// What a sudden end or a disk error left, a sentence each; the next start mends it.
+    pub incomplete: Vec<String>,
     /// What a reader should know, and is no change.
     pub notes: Vec<String>,
     /// Runs in the chain that were closed late.
@@ -50,6 +52,8 @@ pub struct ChainBook {
     pub(super) counted: Option<Place>,
     /// What cannot be read, or stands in the wrong place.
     broken: Vec<String>,
+    /// What a sudden end left of chains and counter.
+    torn: Vec<String>,
 }
 
 /// Checks the chain from the first line to the last.
@@ -74,6 +78,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
         late: book.lines.iter().filter(|line| line.late.is_some()).count(),
         first: book.lines.first().map_or(0, |line| line.number),
         problems: strays,
+        incomplete: book.torn.clone(),
         notes: Vec::new(),
     };
     checked.problems.extend(book.broken.iter().cloned());
@@ -106,6 +111,11 @@ impl ChainBook {
                             chain.broken
                         ));
                     }
+                    if chain.is_torn {
+                        book.torn.push(format!(
+                            "the chain of {day} ends with half a line: its station ended, or could not write; the next start removes it"
+                        ));
+                    }
                     for line in chain.lines.iter().filter(|line| line.day() != day) {
                         book.broken
                             .push(format!("run {} ({}): its line stands in the chain of {day}", line.number, line.run));
@@ -117,6 +127,10 @@ impl ChainBook {
         book.lines.sort_by_key(|line| line.number);
         match counter(records) {
             Ok(counted) => book.counted = counted,
+            // Nothing is written there but in one step, so only a disk that lost what it had leaves this.
+            Err(_) if is_blank(records) => book.torn.push(format!(
+                "{COUNTER} is empty: its station ended, or could not write; the next start makes it again from the chain"
+            )),
             Err(error) => book.broken.push(gnc_text::with_causes(&error)),
         }
         Ok(book)
@@ -126,6 +140,12 @@ impl ChainBook {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty() && self.counted.is_none() && self.broken.is_empty()
+    }
+
+    /// Whether a line says that the run was closed.
+    #[must_use]
+    pub fn names(&self, run: &Path) -> bool {
+        self.close_of(&name_in(&self.records, run)).is_some()
     }
 
     /// The line of a closed run.
@@ -172,7 +192,16 @@ impl ChainBook {
         let first_day = self.lines.iter().map(ChainEntry::day).min().unwrap_or_default();
         let (later, before): (Vec<_>, Vec<_>) =
             closed.iter().filter(|name| !known.contains(name.as_str())).partition(|name| name.as_str() > first_day);
+        // A run that was slipped in has no line of its beginning.
+        let begun: HashSet<&str> =
+            self.lines.iter().filter(|line| !line.is_close()).map(|line| line.run.as_str()).collect();
         for name in later {
+            if begun.contains(name.as_str()) {
+                checked.incomplete.push(format!(
+                    "{name} is not in the chain: its station ended, or could not write, while it closed the run; the next start goes on"
+                ));
+                continue;
+            }
             checked.problems.push(format!(
                 "{name} is not in the chain: its station ended before that and closes it late at its next start, or it was slipped in"
             ));
@@ -293,6 +322,12 @@ impl ChainBook {
     pub fn why_unsigned(&self, run: &Path) -> Option<&'static str> {
         signed::why_unsigned(self, &name_in(&self.records, run))
     }
+}
+
+/// Whether the counter is empty, or holds zeros alone.
+fn is_blank(records: &Path) -> bool {
+    let bytes = gnc_files::read_below(records, Path::new(COUNTER), MAX_COUNTER_BYTES);
+    bytes.is_ok_and(|bytes| bytes.iter().all(|byte| *byte == 0 || byte.is_ascii_whitespace()))
 }
 
 /// `DATE/SERIAL/TIME-PLAN` of all closed runs; of those that a station is closing now, none.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::entry::{ChainEntry, LateClose};
 use super::read::{chain_of, chains, counter, name_in};
 use super::{CHAIN, COUNTER};
-use crate::store::{DIGESTS, StoreError, digest, on};
+use crate::store::{DIGESTS, StoreError, digest, goes_on, on};
 
 /// The closed runs of a day, to look them up.
 #[derive(Debug, Default)]
@@ -43,7 +43,7 @@ pub(crate) fn of_day(records: &Path, day: &str) -> Result<DayLinks, StoreError> 
     let Some(mut chain) = chain_of(records, day)? else { return Ok(DayLinks::default()) };
     chain.lines.sort_by_key(|line| line.number);
     let follows = |at: usize| match (chain.lines.get(at), chain.lines.get(at + 1)) {
-        (Some(line), Some(next)) if next.number == line.number + 1 => next.before == line.link,
+        (Some(line), Some(next)) if Some(next.number) == line.number.checked_add(1) => next.before == line.link,
         // A run that went on past midnight is closed in the day before, so numbers of a day may have gaps.
         (Some(line), Some(next)) => next.number > line.number,
         _ => true,
@@ -90,7 +90,7 @@ pub fn standing(run: &Path) -> Result<ChainStanding, StoreError> {
         return Ok(ChainStanding::Missing);
     };
     // A line that was written anew with all that it says does not fit the next line, or the counter.
-    let follows = match links.iter().find(|next| next.number == link.number + 1) {
+    let follows = match links.iter().find(|next| Some(next.number) == link.number.checked_add(1)) {
         Some(next) => next.before == link.link,
         None => counter(records)?.is_none_or(|last| last.number != link.number || last.link == link.link),
     };
@@ -115,6 +115,21 @@ impl LateCloses {
     /// # Errors
     /// The chain of its day cannot be read.
     pub fn of(&mut self, run: &Path) -> Result<Option<LateClose>, StoreError> {
+        Ok(self.link(run)?.and_then(|link| link.late.clone()))
+    }
+
+    /// Whether the chain of a closed run's day lacks it, and no station closes it now. A day without a chain is from before there
+    /// was one.
+    ///
+    /// # Errors
+    /// The chain of its day cannot be read.
+    pub fn lacks(&mut self, run: &Path) -> Result<bool, StoreError> {
+        let is_known = self.link(run)?.is_some();
+        let has_chain = self.day.as_ref().is_some_and(|(_, links)| !links.0.is_empty());
+        Ok(!is_known && has_chain && !goes_on(run))
+    }
+
+    fn link(&mut self, run: &Path) -> Result<Option<&RunLink>, StoreError> {
         let run = &on(std::path::absolute(run), "find", run)?;
         let mut above = run.ancestors().skip(2);
         let (Some(day), Some(records)) = (above.next(), above.next()) else { return Ok(None) };
@@ -122,8 +137,8 @@ impl LateCloses {
             Some((_, links)) => links,
             None => of_day(records, &day.strip_prefix(records).unwrap_or(day).to_string_lossy())?,
         };
-        let late = links.find(&name_in(records, run)).and_then(|link| link.late.clone());
-        self.day = Some((day.to_owned(), links));
-        Ok(late)
+        let name = name_in(records, run);
+        let (_, links) = self.day.insert((day.to_owned(), links));
+        Ok(links.find(&name))
     }
 }

@@ -10,7 +10,7 @@ use crate::store::{StoreError, on, reader};
 /// Longest chain of a day that is read: a hundred thousand lines of a kilobyte.
 const MAX_CHAIN_BYTES: u64 = 100 << 20;
 /// Longest counter that is read: a number and a link, and whatever a person who copies it leaves behind them.
-const MAX_COUNTER_BYTES: u64 = 4096;
+pub(super) const MAX_COUNTER_BYTES: u64 = 4096;
 
 /// Number and link of the last line, as the counter has them; `None` without a counter.
 pub(super) fn counter(records: &Path) -> Result<Option<Place>, StoreError> {
@@ -30,8 +30,10 @@ pub(super) struct DayChain {
     pub(super) path: PathBuf,
     /// All of its lines, in the order of the file.
     pub(super) lines: Vec<ChainEntry>,
-    /// Number of broken lines; the last one may be half a line after a power cut.
+    /// Number of broken lines, without half a line at the end.
     pub(super) broken: usize,
+    /// Whether half a line stands at the end, as after a power cut.
+    pub(super) is_torn: bool,
 }
 
 impl DayChain {
@@ -69,8 +71,9 @@ pub(super) fn chain_of(records: &Path, day: &str) -> Result<Option<DayChain>, St
     let whole = lines().filter_map(|line| line.strip_suffix(b"\n"));
     let whole: Vec<ChainEntry> =
         whole.filter_map(|line| std::str::from_utf8(line).ok().and_then(ChainEntry::parse)).collect();
-    let broken = lines().count() - whole.len();
-    Ok(Some(DayChain { path, lines: whole, broken }))
+    let is_torn = bytes.last().is_some_and(|last| *last != b'\n');
+    let broken = lines().count() - whole.len() - usize::from(is_torn);
+    Ok(Some(DayChain { path, lines: whole, broken, is_torn }))
 }
 
 /// `DATE/SERIAL/TIME-PLAN` of a run.

@@ -77,8 +77,8 @@ impl<'a> Line<'a> {
         Self {
             run: found.place(records),
             state: found.state().as_str(),
-            outcome: super::verdict(found).and_then(Verdict::of_module),
-            selection_outcome: super::verdict(found).and_then(Verdict::of_selection),
+            outcome: super::proved(found, kept).and_then(Verdict::of_module),
+            selection_outcome: super::proved(found, kept).and_then(Verdict::of_selection),
             serial_number: run.filter(|run| run.other_module.is_none()).map(|run| run.serial_number.as_str()),
             other_module: run.and_then(|run| run.other_module.as_ref()).map(both_numbers),
             plan: run.map(|run| run.plan.name.as_str()),

@@ -103,6 +103,8 @@ fn mark(run: &RunRecord, folder: &Path, sealed: bool, late_closes: &mut LateClos
         false if !sealed => RunMark::Unsealed,
         // Why a chain cannot be read, `records verify` tells.
         false if late_closes.of(folder).is_ok_and(|late| late.is_some()) => RunMark::Late(run.verdict),
+        // Its digests are there, and its line in the chain is not.
+        false if late_closes.lacks(folder).is_ok_and(|lacks| lacks) => RunMark::Unsealed,
         false => RunMark::Ended(run.verdict),
     }
 }
@@ -123,7 +125,8 @@ fn unopened(error: &ReadError) -> Unopened {
 }
 
 pub(super) fn verify(path: PathBuf) -> Msg {
-    let Verified { mut problems, newer, running, never_begun } = reader::check(&path);
+    let Verified { mut problems, newer, running, never_begun, incomplete } = reader::check(&path);
+    problems.extend(incomplete);
     problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
     problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
     let newer = newer.as_ref().and_then(ReadError::unknown).map(ToString::to_string);

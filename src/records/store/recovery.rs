@@ -1,0 +1,232 @@
+//! What a start does about what an earlier one left: a kill, a power cut or a disk error may have come at any place of a run
+//! and of its closing. It mends the chain, takes away folders of runs that never began, seals interrupted runs, and closes late
+//! those that ended. Each thing is said in a line.
+
+use std::fs::{self, File};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use chrono::{DateTime, FixedOffset};
+use gnc_executive::event::ProgramVersion;
+use gnc_executive::record::RunRecord;
+use gnc_executive::state::RunState;
+use nix::fcntl::{Flock, FlockArg};
+
+use super::begun::was_never_begun;
+use super::chain::{self, Before, Scribe};
+use super::closing::{clear_away, close, hold};
+use super::cut_off::{self, CutOffFile};
+use super::{DIGESTS, JOURNAL, RunFolder, StationKey, StoreError, late, reader};
+use super::{folder, on};
+
+/// Number of newest runs that are searched for interrupted ones: a station that died starts again before a thousand
+/// other runs.
+const LOOKED_AT: usize = 1000;
+
+/// Longest time that a start seals runs. A person waits for it with a module in the socket.
+const SEAL_FOR: Duration = Duration::from_secs(10);
+
+/// The time that a start has for runs of earlier ones.
+pub(super) struct Until {
+    at: Instant,
+    /// Runs for which it had none.
+    left: usize,
+}
+
+impl Until {
+    fn new(time: Duration) -> Self {
+        Self { at: Instant::now() + time, left: 0 }
+    }
+
+    /// Whether there is time for one more run; counts those that are left for the next start.
+    pub(super) fn has_time(&mut self) -> bool {
+        let has_time = Instant::now() < self.at;
+        self.left += usize::from(!has_time);
+        has_time
+    }
+}
+
+/// Who closes what an earlier start left behind, and when.
+#[derive(Debug, Clone, Copy)]
+pub struct Sealer<'a> {
+    /// The station. It closes late only what a station of this name left.
+    pub station: &'a str,
+    /// The program.
+    pub program: &'a ProgramVersion,
+    /// The time by the clock of the computer.
+    pub at: DateTime<FixedOffset>,
+    /// Signs what is closed.
+    pub key: Option<&'a StationKey>,
+}
+
+impl Sealer<'_> {
+    /// Writes lines of the chain.
+    pub(super) fn scribe(&self) -> Scribe<'_> {
+        Scribe { station: self.station, at: self.at, key: self.key, late: None }
+    }
+}
+
+/// Seals the interrupted runs, and closes late the runs of this station that ended and missed the chain. Returns a line
+/// about each.
+#[must_use]
+pub fn seal_interrupted(records: &Path, sealer: &Sealer<'_>) -> Vec<String> {
+    seal_within(records, sealer, SEAL_FOR)
+}
+
+fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<String> {
+    // The first run of a station creates the folder.
+    if !records.exists() {
+        return Vec::new();
+    }
+    let mut lines = match chain::mend(records) {
+        Ok(lines) => lines,
+        Err(error) => {
+            let why = gnc_text::with_causes(&error);
+            return vec![format!("the chain of closed runs cannot be mended: {why}; {}", error.try_this())];
+        }
+    };
+    let (never_begun, mut runs): (Vec<_>, Vec<_>) =
+        reader::newest(records, LOOKED_AT).partition(|run| was_never_begun(run));
+    runs.retain(|run| run.join(JOURNAL).is_file());
+    runs.reverse();
+    lines.extend(never_begun.iter().filter_map(|run| take_away(records, run)));
+    let (closed, open): (Vec<_>, Vec<_>) = runs.into_iter().partition(|run| run.join(DIGESTS).exists());
+    let name = |run: &Path| run.strip_prefix(records).unwrap_or(run).display().to_string();
+    let cannot =
+        |error: &StoreError| format!("cannot be sealed: {}; {}", gnc_text::with_causes(error), error.try_this());
+    let sealed_before = closed.len();
+    // The chain as it is before this start writes into it.
+    let known = chain::unknown(records, closed).and_then(|unknown| {
+        let is_any = !unknown.is_empty() || !open.is_empty();
+        Ok((unknown, if is_any { Some(Before::read(records)?) } else { None }))
+    });
+    let (unknown, before) = match known {
+        Ok((unknown, Some(before))) => (unknown, before),
+        Ok((_, None)) => return lines,
+        Err(error) => {
+            lines.push(format!("the interrupted runs {}", cannot(&error)));
+            return lines;
+        }
+    };
+    let mut until = Until::new(time);
+    let mut ended = Vec::new();
+    for run in unknown {
+        match put_into_chain(records, &run, &sealer.scribe()) {
+            Ok(Left::Sealed(())) => lines.push(format!(
+                "{} was interrupted while the station sealed it; the sealing is complete now",
+                name(&run)
+            )),
+            Ok(Left::Ended) => ended.push(run),
+            Ok(Left::Alone) => {}
+            Err(error) => {
+                lines.push(format!(
+                    "{} was interrupted while the station sealed it and {}",
+                    name(&run),
+                    cannot(&error)
+                ));
+            }
+        }
+    }
+    for run in open.into_iter().filter(|_| until.has_time()) {
+        match seal(&run, &sealer.scribe()) {
+            Ok(Left::Sealed(what)) => lines.push(format!("{} {what}", name(&run))),
+            Ok(Left::Ended) => ended.push(run),
+            Ok(Left::Alone) => {}
+            Err(error) => lines.push(format!("{} was interrupted and {}", name(&run), cannot(&error))),
+        }
+    }
+    let others = sealed_before + ended.iter().filter(|run| !reader::is_sealed(run)).count();
+    for (run, closed) in late::close(records, ended, &before, others, sealer, &mut until) {
+        match closed {
+            Ok(what) => lines.push(format!("{} {what}", name(&run))),
+            Err(error) => lines.push(format!("{} ended, was not closed and {}", name(&run), cannot(&error))),
+        }
+    }
+    if until.left > 0 {
+        lines.push(format!(
+            "{} runs more have no end or were not closed, and this start has no time for them; each next start goes on with them",
+            until.left
+        ));
+    }
+    lines
+}
+
+/// Takes away the folder of a run that never began, unless a station holds it.
+fn take_away(records: &Path, run: &Path) -> Option<String> {
+    let name = run.strip_prefix(records).unwrap_or(run).display().to_string();
+    // A folder that a person made is none of a run, and a station that begins a run in it would hold its lock.
+    let of_run = run.file_name().is_some_and(|name| folder::is_name_of_run(&name.to_string_lossy()));
+    let _held =
+        File::open(run).ok().filter(|_| of_run).map(|dir| Flock::lock(dir, FlockArg::LockExclusiveNonblock))?.ok()?;
+    // A run that the chain has begun, and that lost its journal, is not taken away.
+    if !was_never_begun(run) || !chain::place_of(run).is_ok_and(|begun| begun.is_none()) {
+        return None;
+    }
+    if let Err(error) = fs::remove_dir_all(run) {
+        return Some(format!("{name} was cut off at its start, and its folder cannot be removed: {error}"));
+    }
+    // These fail where other runs are.
+    let _ = run.ancestors().skip(1).take(2).map(fs::remove_dir).take_while(Result::is_ok).count();
+    Some(format!("{name} was cut off at its start, before its first event: nothing was tested; its folder is removed"))
+}
+
+/// What a start does about a run that an earlier one left.
+enum Left<T> {
+    /// It has sealed the run.
+    Sealed(T),
+    /// The run has an end, so it can only be closed late.
+    Ended,
+    /// The run goes on, is sealed by another station, or cannot be read.
+    Alone,
+}
+
+/// Appends a sealed run to the chain if a kill came between its digests and the chain. A run that ended is not appended
+/// here: it may have been inserted later.
+fn put_into_chain(records: &Path, run: &Path, by: &Scribe<'_>) -> Result<Left<()>, StoreError> {
+    let path = run.join(JOURNAL);
+    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
+    let Some(state) = reader::fold(run).ok().filter(|state| state.header().is_some()) else { return Ok(Left::Alone) };
+    if !state.is_interrupted() {
+        return Ok(Left::Ended);
+    }
+    // Another station may have appended it meanwhile.
+    let is_unknown = !chain::unknown(records, vec![run.to_owned()])?.is_empty();
+    if !is_unknown || !reader::verify(run).is_empty() {
+        return Ok(Left::Alone);
+    }
+    // An earlier version wrote no line when the run began.
+    chain::begin(run, by)?;
+    chain::append_as(run, by)?;
+    Ok(Left::Sealed(()))
+}
+
+/// Seals a run without an end.
+fn seal(run: &Path, by: &Scribe<'_>) -> Result<Left<String>, StoreError> {
+    let path = run.join(JOURNAL);
+    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
+    // Another station may have sealed it meanwhile.
+    let Some(state) = reader::fold(run).ok().filter(|_| !run.join(DIGESTS).exists()) else { return Ok(Left::Alone) };
+    let Some(record) = RunRecord::from_state(&state) else { return Ok(Left::Alone) };
+    if !record.interrupted {
+        return Ok(Left::Ended);
+    }
+    clear_away(run)?;
+    let folder = RunFolder::existing(run).signed_with(by.key.cloned());
+    let cut_off = cut_off::complete(&folder)?.files;
+    let began = chain::begin(run, by)?;
+    close(&folder, Some(&record), &cut_off, by, Some(&began))?;
+    Ok(Left::Sealed(in_words(&state, &record, &cut_off)))
+}
+
+fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> String {
+    let running = state.rows().iter().filter(|row| row.running().is_some());
+    let running: Vec<&str> = running.map(|row| row.planned.name.as_str()).collect();
+    let during = if running.is_empty() { String::new() } else { format!(" during {}", running.join(", ")) };
+    let last = state.last().map_or_else(String::new, |last| format!(" after {}", last.at.format("%F %T")));
+    let serial_number = &record.serial_number;
+    let ended: String = cut_off.iter().map(|file| format!("{}; ", file.in_short())).collect();
+    format!("was interrupted{during}{last}; {ended}it is sealed as interrupted; test {serial_number} again")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,214 @@
+//! Errors and kills at each place of a run's beginning and closing, and what the next start makes of them.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::*;
+use crate::store::chain::{CHAIN, ChainStanding, LateCloses, standing, verify};
+use crate::store::closing;
+use crate::store::reader::Found;
+use crate::store::{PLAN, SIGNATURE};
+
+const DAY: &str = "2026-11-28";
+const STATION: &str = "bench 1";
+
+fn at() -> DateTime<FixedOffset> {
+    "2026-11-28T16:00:00+08:00".parse().unwrap()
+}
+
+struct Shelf(tempfile::TempDir);
+
+impl Shelf {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    /// A run of no items with so many of its two events.
+    fn run(&self, serial_number: &str, events: usize) -> PathBuf {
+        let run = self.path().join(DAY).join(serial_number).join("143000-functional");
+        fs::create_dir_all(run.join(PLAN)).unwrap();
+        fs::write(run.join(PLAN).join("01-functional.toml"), "name = \"functional\"").unwrap();
+        let header = json!({
+            "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": STATION,
+            "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": "real" }, "selection": null,
+            "loop": null, "plan": { "name": "functional", "version": "1.0", "sha256": "aa" },
+        });
+        let begun =
+            json!({ "seq": 0, "at": at(), "elapsed_us": 0, "kind": "run_started", "header": header, "items": [] });
+        let ended = json!({ "seq": 1, "at": at(), "elapsed_us": 5, "kind": "run_ended", "outcome": "passed" });
+        let journal: String = [begun, ended].iter().take(events).map(|event| format!("{event}\n")).collect();
+        fs::write(run.join(JOURNAL), journal).unwrap();
+        run
+    }
+
+    fn close(&self, run: &Path) -> Result<(), StoreError> {
+        let record = RunRecord::from_state(&reader::fold(run).unwrap());
+        let by = Scribe { station: STATION, at: at(), key: None, late: None };
+        let began = chain::begin(run, &by)?;
+        closing::close(&RunFolder::existing(run), record.as_ref(), &[], &by, Some(&began))
+    }
+
+    fn start_within(&self, time: Duration) -> Vec<String> {
+        let program = ProgramVersion { name: "gnc-station".to_owned(), version: "1.3".to_owned(), build: None };
+        seal_within(self.path(), &Sealer { station: STATION, program: &program, at: at(), key: None }, time)
+    }
+
+    fn start(&self) -> Vec<String> {
+        self.start_within(SEAL_FOR)
+    }
+
+    /// All is as it was written, and the next start has nothing to do.
+    #[track_caller]
+    fn is_whole(&self, runs: usize) {
+        let paths = reader::paths(self.path()).unwrap();
+        assert_eq!(paths.len(), runs);
+        for run in paths {
+            assert_eq!(reader::verify(&run), Vec::<String>::new());
+        }
+        assert_eq!(verify(self.path()).unwrap().problems, Vec::<String>::new());
+        assert_eq!(self.start(), Vec::<String>::new());
+    }
+}
+
+fn names(run: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(run).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// The chain refuses the line: no file says any more that the run passed, and the next start closes it late.
+#[test]
+fn an_error_before_the_line_takes_the_seal_back() {
+    let shelf = Shelf::new();
+    shelf.close(&shelf.run("SN-0", 2)).unwrap();
+    let run = shelf.run("SN-1", 2);
+    let by = Scribe { station: STATION, at: at(), key: None, late: None };
+    chain::begin(&run, &by).unwrap();
+    let chain = shelf.path().join(DAY).join(CHAIN);
+    let kept = shelf.path().join("kept");
+    fs::rename(&chain, &kept).unwrap();
+    fs::create_dir(&chain).unwrap();
+    let record = RunRecord::from_state(&reader::fold(&run).unwrap());
+    let closed = closing::close(&RunFolder::existing(&run), record.as_ref(), &[], &by, None);
+    assert!(closed.is_err());
+    fs::remove_dir(&chain).unwrap();
+    fs::rename(&kept, &chain).unwrap();
+    assert_eq!(names(&run), [JOURNAL, PLAN]);
+    let left = reader::check(&run);
+    assert!(left.problems.is_empty() && left.incomplete.is_some_and(|what| what.starts_with("ended and not closed")));
+    assert_eq!(reader::found(run.clone()).state(), Found::Unsealed);
+    let said = shelf.start();
+    assert!(said.len() == 1 && said[0].contains("it is closed late now and never counts as a pass"), "{said:?}");
+    assert_eq!(standing(&run).unwrap(), ChainStanding::Late);
+    shelf.is_whole(2);
+}
+
+/// A kill between digests and line leaves papers that say passed; those of the late close say what it is.
+#[test]
+fn papers_of_a_run_that_is_closed_late_say_so() {
+    let shelf = Shelf::new();
+    shelf.close(&shelf.run("SN-0", 2)).unwrap();
+    let chain = shelf.path().join(DAY).join(CHAIN);
+    let run = shelf.run("SN-1", 2);
+    shelf.close(&run).unwrap();
+    let text = fs::read_to_string(&chain).unwrap();
+    let lines: Vec<&str> = text.split_inclusive('\n').collect();
+    fs::write(&chain, lines[..3].concat()).unwrap();
+    fs::write(
+        shelf.path().join("COUNTER"),
+        lines[2].split(' ').enumerate().fold(String::new(), |text, (at, word)| match at {
+            0 => format!("{word} "),
+            3 => text + word + "\n",
+            _ => text,
+        }),
+    )
+    .unwrap();
+    assert!(!fs::read_to_string(run.join(crate::report::REPORT)).unwrap().contains("CLOSED LATE"));
+    // It has begun by the chain, so that it is not called slipped in; a folder that was slipped in is.
+    let checked = verify(shelf.path()).unwrap();
+    let expected = "2026-11-28/SN-1/143000-functional is not in the chain: its station ended, or could not write, while it \
+                    closed the run; the next start goes on";
+    assert_eq!((checked.problems, checked.incomplete), (Vec::new(), vec![expected.to_owned()]));
+    let slipped = shelf.path().join(DAY).join("SN-7");
+    fs::rename(run.parent().unwrap(), &slipped).unwrap();
+    let checked = verify(shelf.path()).unwrap();
+    assert!(checked.problems.iter().any(|problem| problem.contains("or it was slipped in")), "{checked:?}");
+    assert_eq!(checked.incomplete, Vec::<String>::new());
+    fs::rename(&slipped, run.parent().unwrap()).unwrap();
+    assert!(LateCloses::default().lacks(&run).unwrap());
+    assert_eq!(shelf.start().len(), 1);
+    assert!(fs::read_to_string(run.join(crate::report::REPORT)).unwrap().contains("CLOSED LATE"));
+    assert!(fs::read_to_string(run.join(crate::store::LOG)).unwrap().contains("CLOSED LATE"));
+    shelf.is_whole(2);
+}
+
+#[test]
+fn a_folder_that_never_began_goes() {
+    let shelf = Shelf::new();
+    shelf.close(&shelf.run("SN-0", 2)).unwrap();
+    for journal in [None, Some(&b""[..]), Some(b"{\"seq\":0,\"at\":\"2026")] {
+        let run = shelf.run("SN-1", 0);
+        fs::remove_file(run.join(JOURNAL)).unwrap();
+        if let Some(journal) = journal {
+            fs::write(run.join(JOURNAL), journal).unwrap();
+        }
+        assert_eq!(
+            shelf.start(),
+            [format!(
+                "{DAY}/SN-1/143000-functional was cut off at its start, before its first event: nothing was tested; its \
+                 folder is removed"
+            )]
+        );
+        assert!(!run.parent().unwrap().exists(), "the folder of its module goes too");
+        shelf.is_whole(1);
+    }
+    // A station that begins holds its folder; a folder of a person has another name.
+    let begins = RunFolder::create(shelf.path(), at(), "SN-2", "functional").unwrap();
+    let of_person = shelf.path().join(DAY).join("SN-0/notes");
+    fs::create_dir(&of_person).unwrap();
+    assert_eq!(shelf.start(), Vec::<String>::new());
+    assert!(begins.path().exists() && of_person.exists());
+}
+
+/// What a kill leaves within the folder of an interrupted run.
+#[test]
+fn parts_and_a_signature_without_digests_go() {
+    let shelf = Shelf::new();
+    let run = shelf.run("SN-1", 1);
+    fs::create_dir(run.join("01-cpu")).unwrap();
+    for left in ["01-cpu/item.json.part", "SHA256SUMS.part", "run.json.part", SIGNATURE] {
+        fs::write(run.join(left), "half").unwrap();
+    }
+    let left = reader::check(&run);
+    assert_eq!(left.incomplete.as_deref(), Some("interrupted: its station ended in the run; the next start seals it"));
+    assert!(left.problems.is_empty());
+    let said = shelf.start();
+    assert!(said.len() == 1 && said[0].contains("it is sealed as interrupted"), "{said:?}");
+    assert!(!run.join(SIGNATURE).exists() && names(&run.join("01-cpu")).is_empty());
+    shelf.is_whole(1);
+}
+
+/// A start that finds more than it has time for says so, and the next one goes on.
+#[test]
+fn a_start_does_not_take_for_ever() {
+    let shelf = Shelf::new();
+    shelf.close(&shelf.run("SN-0", 2)).unwrap();
+    for run in 1..=3 {
+        shelf.run(&format!("SN-{run}"), run % 2 + 1);
+    }
+    let said = shelf.start_within(Duration::ZERO);
+    assert_eq!(
+        said,
+        [
+            "3 runs more have no end or were not closed, and this start has no time for them; each next start goes on with them"
+        ]
+    );
+    assert_eq!(shelf.start().len(), 3);
+    shelf.is_whole(4);
+}

@@ -1,0 +1,113 @@
+/* Breaks one system call of the closing of a run: the library is loaded before that of C (LD_PRELOAD) and counts the calls of the
+   thread that writes records, from the write of the run's last event on.
+
+     AT_CALL=N        the number of the call, from 1; 0 breaks none
+     AT_CALL_ERROR=E  the call fails with this errno; without it, the program is killed behind the call, which was made
+     AT_CALL_LOG=F    the names of all counted calls, one a line */
+#define _GNU_SOURCE
+#include <dirent.h>
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+static __thread int counts, is_writer; /* of this thread: 1 yes, -1 no, 0 not known yet */
+static int number;
+
+static int writes(void) {
+    if (!is_writer) {
+        char name[16] = "";
+        prctl(PR_GET_NAME, name);
+        is_writer = strcmp(name, "writer") == 0 ? 1 : -1;
+    }
+    return is_writer == 1;
+}
+
+static void to_log(const char *call) {
+    const char *log = getenv("AT_CALL_LOG");
+    if (!log) return;
+    char line[300];
+    int length = snprintf(line, sizeof line, "%d %s\n", number, call);
+    int fd = syscall(SYS_openat, AT_FDCWD, log, O_WRONLY | O_CREAT | O_APPEND, 0644);
+    if (fd >= 0) {
+        syscall(SYS_write, fd, line, length);
+        syscall(SYS_close, fd);
+    }
+}
+
+/* 0: make the call; 1: make it and be killed; else fail with this errno. */
+static int chosen(const char *call) {
+    if (!writes() || !counts) return 0;
+    number++;
+    to_log(call);
+    const char *at = getenv("AT_CALL");
+    if (!at || atoi(at) != number) return 0;
+    const char *error = getenv("AT_CALL_ERROR");
+    if (!error) return 1;
+    errno = atoi(error);
+    return errno;
+}
+
+#define REAL(name) (__typeof__(&name))dlsym(RTLD_NEXT, #name)
+
+#define BREAK(call, made, failed)                                                                                              \
+    int broken = chosen(call);                                                                                                 \
+    if (broken > 1) return failed;                                                                                             \
+    __auto_type result = made;                                                                                                 \
+    if (broken == 1) raise(SIGKILL);                                                                                           \
+    return result
+
+ssize_t write(int fd, const void *bytes, size_t length) {
+    if (writes() && memmem(bytes, length, "\"kind\":\"run_ended\"", 18)) counts = 1;
+    BREAK("write", (REAL(write))(fd, bytes, length), -1);
+}
+
+#define OPEN(name)                                                                                                             \
+    int name(const char *path, int flags, ...) {                                                                               \
+        va_list more;                                                                                                          \
+        va_start(more, flags);                                                                                                 \
+        mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(more, mode_t) : 0;                                                \
+        va_end(more);                                                                                                          \
+        char call[256];                                                                                                        \
+        snprintf(call, sizeof call, "open %s", path);                                                                          \
+        BREAK(call, (REAL(name))(path, flags, mode), -1);                                                                      \
+    }
+OPEN(open)
+OPEN(open64)
+
+#define OPENAT(name)                                                                                                           \
+    int name(int dir, const char *path, int flags, ...) {                                                                      \
+        va_list more;                                                                                                          \
+        va_start(more, flags);                                                                                                 \
+        mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(more, mode_t) : 0;                                                \
+        va_end(more);                                                                                                          \
+        char call[256];                                                                                                        \
+        snprintf(call, sizeof call, "openat %s", path);                                                                        \
+        BREAK(call, (REAL(name))(dir, path, flags, mode), -1);                                                                 \
+    }
+OPENAT(openat)
+OPENAT(openat64)
+
+ssize_t read(int fd, void *bytes, size_t length) { BREAK("read", (REAL(read))(fd, bytes, length), -1); }
+int fsync(int fd) { BREAK("fsync", (REAL(fsync))(fd), -1); }
+int fdatasync(int fd) { BREAK("fdatasync", (REAL(fdatasync))(fd), -1); }
+int syncfs(int fd) { BREAK("syncfs", (REAL(syncfs))(fd), -1); }
+int flock(int fd, int how) { BREAK("flock", (REAL(flock))(fd, how), -1); }
+int ftruncate(int fd, off_t length) { BREAK("ftruncate", (REAL(ftruncate))(fd, length), -1); }
+int ftruncate64(int fd, off64_t length) { BREAK("ftruncate", (REAL(ftruncate64))(fd, length), -1); }
+int rename(const char *from, const char *to) { BREAK("rename", (REAL(rename))(from, to), -1); }
+int unlink(const char *path) { BREAK("unlink", (REAL(unlink))(path), -1); }
+int mkdir(const char *path, mode_t mode) { BREAK("mkdir", (REAL(mkdir))(path, mode), -1); }
+DIR *opendir(const char *path) { BREAK("opendir", (REAL(opendir))(path), NULL); }
+int statx(int dir, const char *restrict path, int flags, unsigned mask, struct statx *restrict stat) {
+    BREAK("statx", (REAL(statx))(dir, path, flags, mask, stat), -1);
+}
