@@ -147,7 +147,7 @@ pub fn seal_interrupted(records: &Path, sealer: &Sealer<'_>) -> Vec<String> {
     let mut runs: Vec<_> = reader::newest(records, LOOKED_AT).filter(|run| run.join(JOURNAL).is_file()).collect();
     runs.reverse();
     let (closed, open): (Vec<_>, Vec<_>) = runs.into_iter().partition(|run| run.join(DIGESTS).exists());
-    let name = |run: &Path| run.strip_prefix(records).unwrap_or(run).display().to_string();
+    let name = |run: &Path| gnc_text::shown_path(run.strip_prefix(records).unwrap_or(run));
     let cannot =
         |error: &StoreError| format!("cannot be sealed: {}; {}", gnc_text::with_causes(error), error.try_this());
     let sealed_before = closed.len();

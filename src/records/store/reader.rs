@@ -25,7 +25,7 @@ const MAX_JOURNAL_BYTES: u64 = 1 << 30;
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// Access to a file or folder failed.
-    #[error("cannot read {}", path.display())]
+    #[error("cannot read {}", gnc_text::shown_path(path))]
     File {
         /// The file or folder.
         path: PathBuf,
@@ -33,7 +33,7 @@ pub enum ReadError {
         source: io::Error,
     },
     /// The file is longer than any journal.
-    #[error("{} is longer than any journal", path.display())]
+    #[error("{} is longer than any journal", gnc_text::shown_path(path))]
     TooLong {
         /// The journal.
         path: PathBuf,
@@ -524,19 +524,19 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let mut promised = sums.into_map();
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {
-            None => problems.push(format!("{} was added", file.display())),
+            None => problems.push(format!("{} was added", gnc_text::shown_path(&file))),
             // A link or a device in place of the file is not a file of the record, wherever it points.
             Some(_) if !folder.join(&file).symlink_metadata().is_ok_and(|meta| meta.is_file()) => {
-                problems.push(format!("{} was replaced by something that is not a file", file.display()));
+                problems.push(format!("{} was replaced by something that is not a file", gnc_text::shown_path(&file)));
             }
             Some(digest) => match digest::of_file(&folder.join(&file)) {
                 Ok(found) if found == digest => {}
-                Ok(_) => problems.push(format!("{} was changed", file.display())),
+                Ok(_) => problems.push(format!("{} was changed", gnc_text::shown_path(&file))),
                 Err(error) => problems.push(gnc_text::with_causes(&error)),
             },
         }
     }
-    problems.extend(promised.keys().map(|file| format!("{} is missing", file.display())));
+    problems.extend(promised.keys().map(|file| format!("{} is missing", gnc_text::shown_path(file))));
     if let Some(state) = state {
         let stored = fs::read(folder.join(RECORD)).ok();
         let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
