@@ -16,7 +16,7 @@ pub(super) struct Gathered {
     /// Names of captures that were skipped.
     pub(super) others: Vec<String>,
     /// The same names, to find one among many.
-    passed_over: HashSet<Vec<u8>>,
+    pub(super) passed_over: HashSet<Vec<u8>>,
     pub(super) rows: usize,
 }
 
