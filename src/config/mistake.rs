@@ -188,7 +188,7 @@ impl SourceText {
             .chars()
             .skip(skipped)
             .take(SHOWN_CHARACTERS)
-            .map(|c| if printable(c.encode_utf8(&mut [0; 4])).len() == c.len_utf8() { c } else { ' ' })
+            .map(|c| if gnc_text::is_hidden(c) { ' ' } else { c })
             .collect();
         // A mistake at a line end or beyond the shown part is marked at the end of the shown text.
         let shown = text.chars().count();

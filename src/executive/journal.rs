@@ -8,11 +8,15 @@
 //! event names. Such a journal is refused as [`JournalError::Newer`]; it is not damaged. Any other journal that cannot
 //! be read is damaged. A misspelt name looks like a new one: only the digests of the record tell the two apart.
 
+mod lines;
 mod newer;
+
+use std::io::{self, BufRead};
 
 use crate::event::{EVENTS_SCHEMA, Event, EventKind, SELECTION_SCHEMA};
 use crate::state::{OutOfOrder, RunState};
 
+pub use lines::{JournalLines, LONGEST_LINE};
 pub use newer::Unknown;
 
 /// The content of a stored journal.
@@ -56,6 +60,12 @@ pub enum JournalError {
         /// The schema.
         schema: String,
     },
+    /// No version of the station writes such a line.
+    #[error("line {line} of the journal is longer than {LONGEST_LINE} bytes")]
+    LineTooLong {
+        /// Number of the line, from 1.
+        line: usize,
+    },
     /// An event cannot follow those before it.
     #[error("line {line} of the journal contradicts the lines before it")]
     OutOfOrder {
@@ -64,6 +74,17 @@ pub enum JournalError {
         /// What is out of order.
         source: OutOfOrder,
     },
+}
+
+/// Why a journal that is read piece by piece gives no run.
+#[derive(Debug, thiserror::Error)]
+pub enum FoldError {
+    /// The file cannot be read on.
+    #[error("the journal cannot be read")]
+    Read(#[source] io::Error),
+    /// What was read is no journal.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
 }
 
 /// The event as a line with its end, ready to be appended.
@@ -81,18 +102,30 @@ pub fn line(event: &Event) -> Result<String, serde_json::Error> {
 /// # Errors
 /// A line other than the last is damaged, events do not follow from each other, or a later version wrote them.
 pub fn fold(bytes: &[u8]) -> Result<StoredJournal, JournalError> {
-    let whole = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    fold_from(bytes).map_err(|error| match error {
+        FoldError::Journal(error) => error,
+        // Bytes in memory can always be read.
+        FoldError::Read(source) => JournalError::NotAnEvent { line: 0, source: serde::de::Error::custom(source) },
+    })
+}
+
+/// Folds a journal line by line, so that no more than one line of it is in memory.
+///
+/// # Errors
+/// As [`fold`], and the file cannot be read.
+pub fn fold_from(source: impl BufRead) -> Result<StoredJournal, FoldError> {
+    let mut lines = JournalLines::new(source);
     let mut state = RunState::new();
     let mut good_bytes = 0;
-    for (index, piece) in bytes[..whole].split_inclusive(|byte| *byte == b'\n').enumerate() {
-        let line = index + 1;
-        let event: Event = match serde_json::from_slice(piece) {
+    while let Some(piece) = lines.next_line()? {
+        let line = piece.number;
+        let event: Event = match serde_json::from_slice(piece.bytes) {
             Ok(event) => event,
             // Only the last line can be cut off, and then it has no line end. A line that lacks only its end is whole.
-            Err(source) => match newer::unknown(piece, &source, state.next_seq()) {
-                Some(unknown) => return Err(JournalError::Newer { line, unknown }),
-                None if !piece.ends_with(b"\n") => break,
-                None => return Err(JournalError::NotAnEvent { line, source }),
+            Err(source) => match newer::unknown(piece.bytes, &source, state.next_seq()) {
+                Some(unknown) => return Err(JournalError::Newer { line, unknown }.into()),
+                None if !piece.bytes.ends_with(b"\n") => break,
+                None => return Err(JournalError::NotAnEvent { line, source }.into()),
             },
         };
         if let EventKind::RunStarted { header, .. } = &event.kind
@@ -102,12 +135,15 @@ pub fn fold(bytes: &[u8]) -> Result<StoredJournal, JournalError> {
             return Err(match newer::schema(&schema) {
                 Some(unknown) => JournalError::Newer { line, unknown },
                 None => JournalError::OtherSchema { line, schema },
-            });
+            }
+            .into());
         }
+        good_bytes += piece.bytes.len();
         state.apply(&event).map_err(|source| JournalError::OutOfOrder { line, source })?;
-        good_bytes += piece.len();
     }
-    Ok(StoredJournal { state, good_bytes, cut_bytes: bytes.len() - good_bytes })
+    // The last line may lack its end, and zeros may follow it.
+    let cut_bytes = lines.bytes_read() - good_bytes;
+    Ok(StoredJournal { state, good_bytes, cut_bytes })
 }
 
 #[cfg(test)]

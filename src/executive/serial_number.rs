@@ -1,4 +1,7 @@
 //! The pattern of serial numbers, as a bench file or a plan writes it: `serial_number = "SN-[0-9]{4}"`.
+//!
+//! A serial number is printable ASCII. A pattern allows a sign beyond that by its name: the sign itself stands in the pattern, or
+//! a range does whose ends stand there, `[А-Я]`. So signs that look like others (`С` and `C`) come in by no `.` or `\w`.
 
 use std::fmt;
 use std::sync::Arc;
@@ -38,6 +41,24 @@ impl SerialNumberPattern {
     #[must_use]
     pub fn fits(&self, serial_number: &str) -> bool {
         self.whole.is_match(serial_number)
+    }
+
+    /// Whether the pattern names this sign: the sign stands in it, or lies in a range of signs beyond ASCII whose ends stand in it.
+    #[must_use]
+    pub fn names(&self, sign: char) -> bool {
+        let signs: Vec<char> = self.text.chars().collect();
+        let in_range =
+            |range: &[char]| !range[0].is_ascii() && range[1] == '-' && (range[0]..=range[2]).contains(&sign);
+        signs.contains(&sign) || signs.windows(3).any(in_range)
+    }
+
+    /// The first sign of a serial number that is not printable ASCII and that no pattern names. All patterns must fit the number, for
+    /// else they say nothing of it.
+    pub fn not_allowed<'a>(serial_number: &str, patterns: impl IntoIterator<Item = &'a Self>) -> Option<char> {
+        let patterns: Vec<&Self> = patterns.into_iter().collect();
+        let fit = patterns.iter().all(|pattern| pattern.fits(serial_number));
+        let named = |sign: char| fit && patterns.iter().any(|pattern| pattern.names(sign));
+        serial_number.chars().find(|sign| !matches!(sign, ' '..='~') && !named(*sign))
     }
 }
 
@@ -81,6 +102,37 @@ mod tests {
         // Alternatives are held whole too.
         assert!(fits("A[0-9]|B[0-9]", "B1") && !fits("A[0-9]|B[0-9]", "A1x") && !fits("A[0-9]|B[0-9]", "xB1"));
         assert!(fits("БИНС-\\d+", "БИНС-12"));
+    }
+
+    #[test]
+    fn a_sign_beyond_ascii_is_named() {
+        let not_allowed = |pattern: &str, number: &str| {
+            let pattern = SerialNumberPattern::new(pattern).expect("a pattern");
+            SerialNumberPattern::not_allowed(number, [&pattern])
+        };
+        for (pattern, number) in [
+            ("БИНС-\\d+", "БИНС-12"),
+            ("[А-Я]{2}-1", "ЫТ-1"),
+            ("№ ?[0-9]+", "№ 5"),
+            (".*", "S N~!"),
+            ("[模块]+", "模块"),
+        ] {
+            assert_eq!(not_allowed(pattern, number), None, "{pattern} {number}");
+        }
+        for (pattern, number, sign) in [
+            (".*", "SN-é", 'é'),
+            ("\\w+", "SNО", 'О'),
+            ("[^a]+", "a\u{202e}", '\u{202e}'),
+            ("[ -\u{10ffff}]+", "S\u{200b}", '\u{200b}'),
+            ("БИНС-\\d+", "БИНК-12", 'Б'),
+            ("[А-Я]+", "Ю\u{301}", 'Ю'),
+        ] {
+            assert_eq!(not_allowed(pattern, number), Some(sign), "{pattern} {number}");
+        }
+        assert_eq!(SerialNumberPattern::not_allowed("SN-0001 x", []), None);
+        for sign in ['\t', '\u{7f}', 'µ', '\u{a0}', '🙂', '\n'] {
+            assert_eq!(SerialNumberPattern::not_allowed(&format!("SN{sign}1"), []), Some(sign));
+        }
     }
 
     #[test]

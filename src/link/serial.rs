@@ -104,13 +104,13 @@ impl SerialLink {
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// There is no such file.
-    #[error("there is no port {}", port.display())]
+    #[error("there is no port {}", gnc_text::shown_path(port))]
     Missing {
         /// The port.
         port: PathBuf,
     },
     /// Another program holds it.
-    #[error("port {} is in use by {}", port.display(), holder.as_deref().unwrap_or("another program"))]
+    #[error("port {} is in use by {}", gnc_text::shown_path(port), holder.as_deref().unwrap_or("another program"))]
     Busy {
         /// The port.
         port: PathBuf,
@@ -118,19 +118,19 @@ pub enum OpenError {
         holder: Option<String>,
     },
     /// The user lacks the permission to open it.
-    #[error("no permission to open port {}", port.display())]
+    #[error("no permission to open port {}", gnc_text::shown_path(port))]
     Denied {
         /// The port.
         port: PathBuf,
     },
     /// It is a file, but no terminal device.
-    #[error("{} is not a serial port", port.display())]
+    #[error("{} is not a serial port", gnc_text::shown_path(port))]
     NotAPort {
         /// The file.
         port: PathBuf,
     },
     /// The driver chose another rate than asked for.
-    #[error("port {} runs at {got} baud instead of {wanted}", port.display())]
+    #[error("port {} runs at {got} baud instead of {wanted}", gnc_text::shown_path(port))]
     Rate {
         /// The port.
         port: PathBuf,
@@ -140,7 +140,7 @@ pub enum OpenError {
         got: u32,
     },
     /// Any other error of the system.
-    #[error("cannot open port {}", port.display())]
+    #[error("cannot open port {}", gnc_text::shown_path(port))]
     System {
         /// The port.
         port: PathBuf,

@@ -90,6 +90,16 @@ impl Panel {
         Self { title, x, y, series, log: false, square: false, view: [None; 2], names: Vec::new(), size: SIZE }
     }
 
+    /// Each text replaced by what a rule makes of it, so that a caller can make names from outside safe to show.
+    #[must_use]
+    pub fn with_texts(mut self, rule: impl Fn(&str) -> String) -> Self {
+        let own = [&mut self.title, &mut self.x, &mut self.y].into_iter().chain(&mut self.names);
+        for text in own.chain(self.series.iter_mut().map(|series| &mut series.name)) {
+            *text = rule(text);
+        }
+        self
+    }
+
     /// Logarithmic axes, both.
     #[must_use]
     pub fn log(self) -> Self {

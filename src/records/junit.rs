@@ -10,7 +10,7 @@ use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{AttemptRecord, ItemRecord, RunRecord};
 use gnc_executive::text;
-use gnc_text::printable;
+use gnc_text::{printable, printable_lines};
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
 
@@ -333,6 +333,7 @@ fn one_line(text: &str) -> String {
 
 /// A text with only characters that XML can hold (XML 1.0, production 2).
 fn writable(text: &str) -> String {
+    let text = &*printable_lines(text);
     let can = |mark: char| matches!(mark, '\t' | '\n' | '\r' | '\u{20}'..='\u{d7ff}' | '\u{e000}'..='\u{fffd}' | '\u{10000}'..);
     text.chars().map(|mark| if can(mark) { mark } else { UNWRITABLE }).collect()
 }

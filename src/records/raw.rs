@@ -15,6 +15,7 @@
 //!
 //! Reading a file back gives the captures bit for bit.
 
+mod budget;
 mod ending;
 mod mark;
 mod origin;

@@ -20,6 +20,7 @@ use gnc_executive::standing::{Flaw, own_flaws};
 use gnc_executive::text::{banners, common_fault, duration};
 use gnc_executive::uncertainty::Decision;
 use gnc_plot::svg;
+use gnc_text::printable;
 
 use crate::passport::{NoPassport, Passport};
 use markup::SvgPage;
@@ -221,7 +222,9 @@ fn whole_item(page: &mut SvgPage, item: &ItemRecord) {
         }
         measurements::table(page, &attempt.measurements);
         for details in &attempt.details {
-            let pictures = plots::of(item.id, details).into_iter().map(|panel| svg(&[panel]));
+            let pictures = plots::of(item.id, details)
+                .into_iter()
+                .map(|panel| svg(&[panel.with_texts(|text| printable(text).into_owned())]));
             page.pictures(&pictures.collect::<Vec<_>>());
             details::show(page, details);
         }

@@ -58,7 +58,7 @@ pub const PLAN: &str = "plan";
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// Access to a file or folder failed.
-    #[error("cannot {what} {}", path.display())]
+    #[error("cannot {what} {}", gnc_text::shown_path(path))]
     File {
         /// The action: "write", "create".
         what: &'static str,

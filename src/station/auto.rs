@@ -93,7 +93,7 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         Some(field) if !whole.as_ref().is_ok_and(is_asked_for) => field,
         _ => whole?,
     };
-    serial_number::check_layout(&serial_number, patterns()).map_err(|error| in_words(&error))?;
+    serial_number::check_signs(&serial_number, patterns()).map_err(|error| in_words(&error))?;
     let operator = bench.habits.operator(args.operator.as_deref())?;
     let answers =
         Answers::given(&args.answers, plan.plan()).map_err(|wrong| CommandRefusal::new(wrong.what, &wrong.hint))?;
@@ -271,7 +271,7 @@ impl Observer for Shown<'_> {
                 format_args!(
                     "ERRORED: this run is not a pass, because its record could not be written: {}; the incomplete record is in {}",
                     with_causes(error),
-                    folder.display()
+                    gnc_text::shown_path(folder)
                 ),
                 error.try_this(),
             );

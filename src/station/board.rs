@@ -155,6 +155,7 @@ impl Face {
 
     /// Text for people. A reader who has gone needs none.
     fn say(&self, text: &str) {
+        let text = gnc_text::printable_lines(text);
         let _ = if self.json {
             writeln!(std::io::stderr().lock(), "{text}")
         } else {

@@ -70,7 +70,7 @@ fn about(path: &Path, abilities: Option<BenchAbilities>, part: Option<&PartName>
         }
         None => ", not checked against a bench",
     };
-    let path = printable(&path.display().to_string()).into_owned();
+    let path = printable(&gnc_text::shown_path(path)).into_owned();
     let mut said = vec![(Some(path), format!("{} items, no mistake{remark}", plan.items().len()))];
     said.extend(bench_time(plan));
     said.extend(limits.map(|limits| (None, limits)));

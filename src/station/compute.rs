@@ -27,7 +27,7 @@ use std::process::ExitCode;
 use clap::{Args as ClapArgs, Subcommand};
 use gnc_metrology::Refusal;
 use gnc_plot::Panel;
-use gnc_text::printable;
+use gnc_text::{printable, printable_lines};
 use thiserror::Error;
 
 use crate::exit_code::USAGE;
@@ -157,9 +157,9 @@ impl Args {
 #[must_use]
 pub(crate) fn run(args: &Args) -> ExitCode {
     let (name, outcome) = args.outcome();
-    let outcome = outcome.and_then(|outcome| {
+    let outcome = outcome.and_then(|mut outcome| {
         if let Some(path) = &args.plot {
-            write(path, &gnc_plot::svg(&outcome.panels))?;
+            write(path, &gnc_plot::svg(&with_printable_texts(std::mem::take(&mut outcome.panels))))?;
         }
         Ok(outcome)
     });
@@ -179,12 +179,16 @@ pub(crate) fn run(args: &Args) -> ExitCode {
             if args.json {
                 print_json(&report::refusal_json(name, &refusal));
             }
-            complain(&format!("{name} refused: {refusal}\n  try: {}\n", refusal.hint()));
+            let (what, hint) = (refusal.to_string(), refusal.hint());
+            complain(&format!("{name} refused: {}\n  try: {}\n", printable(&what), printable(hint)));
             ExitCode::from(1)
         }
         Err(error) => {
             let hint = error.try_this().map(|hint| format!("  try: {hint}\n")).unwrap_or_default();
-            complain(&format!("{}\n{hint}", gnc_text::with_causes(&error)));
+            let what = gnc_text::with_causes(&error);
+            // Mistakes of a file that a person wrote have lines of their own. All else is one line, whatever a column is called.
+            let what = if matches!(error, ComputeError::File(_)) { what } else { printable(&what).into_owned() };
+            complain(&format!("{what}\n{hint}"));
             ExitCode::from(USAGE)
         }
     }
@@ -199,9 +203,15 @@ fn print_json(text: &str) {
     let _ = std::io::stdout().lock().write_all(text.as_bytes());
 }
 
-/// Escapes the control characters of each line, because names of columns come from the file.
+/// Escapes what a line must not hold, because names of columns come from the file. Line ends in such a name are escaped where
+/// it is put into its line.
 fn harmless(text: &str) -> String {
-    text.split('\n').map(printable).collect::<Vec<_>>().join("\n")
+    printable_lines(text).into_owned()
+}
+
+/// Names of columns stand in pictures too.
+fn with_printable_texts(panels: Vec<Panel>) -> Vec<Panel> {
+    panels.into_iter().map(|panel| panel.with_texts(|text| printable(text).into_owned())).collect()
 }
 
 /// An error for people, on standard error, in the language of the locale.

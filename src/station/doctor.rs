@@ -154,14 +154,20 @@ pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys, proc
 
 fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<BenchFile> {
     if !named && !path.exists() {
-        let what =
-            format!("there is no bench file {}, so only simulated modules (--sim) can be tested", path.display());
+        let what = format!(
+            "there is no bench file {}, so only simulated modules (--sim) can be tested",
+            gnc_text::shown_path(path)
+        );
         findings.push(Finding::warning(what, "name one with --bench FILE, or write one as docs/bench.md shows"));
         return None;
     }
     match files::bench(path) {
         Ok(bench) => {
-            findings.push(Finding::good(format!("bench file {} of station {}", path.display(), bench.station_id)));
+            findings.push(Finding::good(format!(
+                "bench file {} of station {}",
+                gnc_text::shown_path(path),
+                bench.station_id
+            )));
             Some(bench)
         }
         Err(refusal) => {

@@ -46,11 +46,11 @@ enum ExportError {
     Captures(#[from] CapturesError),
     #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("{} holds no raw samples", folder.display())]
+    #[error("{} holds no raw samples", gnc_text::shown_path(folder))]
     Nothing { folder: PathBuf },
-    #[error("{} already exists", path.display())]
+    #[error("{} already exists", gnc_text::shown_path(path))]
     Exists { path: PathBuf },
-    #[error("{} cannot be written", path.display())]
+    #[error("{} cannot be written", gnc_text::shown_path(path))]
     Parquet { path: PathBuf, source: ::parquet::errors::ParquetError },
 }
 
@@ -96,7 +96,7 @@ struct Doubt {
 /// Returns what a file and its captures lack.
 fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
     let cut_off = record.cut_off.then(|| Doubt {
-        what: format!("{} was cut off; the samples before the cut are exported", file.display()),
+        what: format!("{} was cut off; the samples before the cut are exported", gnc_text::shown_path(file)),
         try_this: "check whether these samples are enough, or run the item again",
     });
     let lossy = record.captures.iter().filter(|capture| capture.losses.any()).map(|capture| {
@@ -105,7 +105,7 @@ fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
         Doubt {
             what: format!(
                 "{}: capture `{label}` lost {lost} samples, and the columns `number` and `t_s` do not count them",
-                file.display()
+                gnc_text::shown_path(file)
             ),
             try_this: "take the number and the time of each sample from the MCAP file, or leave the capture out",
         }
@@ -117,7 +117,8 @@ fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
 /// this version can read them.
 fn newer(folder: &Path) -> Option<Doubt> {
     let error = reader::fold(folder).err().filter(ReadError::is_newer)?;
-    let what = format!("{}: {error}; its raw samples are exported as this version reads them", folder.display());
+    let what =
+        format!("{}: {error}; its raw samples are exported as this version reads them", gnc_text::shown_path(folder));
     Some(Doubt { what, try_this: error.try_this() })
 }
 
@@ -152,7 +153,7 @@ fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportEr
                     .map_err(|source| ExportError::Parquet { path: path.clone(), source })?,
             }
             let samples: usize = captures.iter().map(|capture| kind.samples(capture)).sum();
-            told.say(format_args!("{}: {} captures, {samples} samples", path.display(), captures.len()));
+            told.say(format_args!("{}: {} captures, {samples} samples", gnc_text::shown_path(&path), captures.len()));
         }
         found.extend(doubts(&file, &record));
     }

@@ -156,7 +156,7 @@ fn changed_picture(path: &str, was: Option<&str>) -> Option<ChangedFile> {
 
 /// Returns a file that has changed since it was read.
 pub(crate) fn changed(path: &Path, was: &[u8]) -> Option<ChangedFile> {
-    let name = path.display().to_string();
+    let name = gnc_text::shown_path(path);
     match read(path, was.len()) {
         Ok(is) if is == was => None,
         Ok(_) => Some(ChangedFile { name, unreadable: None }),
@@ -178,7 +178,7 @@ fn cannot_read(what: &str, path: &Path, error: &io::Error) -> CommandRefusal {
         io::ErrorKind::PermissionDenied => "make it readable for this user",
         _ => "check the disk",
     };
-    CommandRefusal::new(format!("cannot read the {what} {}: {error}", path.display()), try_this)
+    CommandRefusal::new(format!("cannot read the {what} {}: {error}", gnc_text::shown_path(path)), try_this)
 }
 
 #[cfg(test)]

@@ -54,7 +54,7 @@ pub(crate) fn man(command: Command, dir: Option<&Path>) -> ExitCode {
     match clap_mangen::generate_to(command, dir) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            let what = format!("the pages cannot be written into {}: {error}", dir.display());
+            let what = format!("the pages cannot be written into {}: {error}", gnc_text::shown_path(dir));
             refuse(what, "name a folder that is there and that you may write")
         }
     }

@@ -68,7 +68,7 @@ impl HookProgram {
 
     /// "the hook ./light.sh", for messages.
     fn name(&self) -> String {
-        format!("the hook {}", self.program.display())
+        format!("the hook {}", gnc_text::shown_path(&self.program))
     }
 }
 

@@ -62,7 +62,7 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
     for line in again.differences.iter().chain(&papers.differences) {
         out.say(printable(line));
     }
-    out.say_of(&folder.display().to_string(), format_args!("{}{}", again.summary(same), papers.summary));
+    out.say_of(&gnc_text::shown_path(folder), format_args!("{}{}", again.summary(same), papers.summary));
     if problems.is_empty() && same {
         return Ok(ExitCode::SUCCESS);
     }
@@ -102,8 +102,14 @@ fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
     for line in &again.differences {
         out.say(printable(line));
     }
-    out.say(format_args!("{}, re-judged by {} {}: {}", folder.display(), plan.name, plan.version, again.verdict));
-    out.say(format_args!("record: {}", path.display()));
+    out.say(format_args!(
+        "{}, re-judged by {} {}: {}",
+        gnc_text::shown_path(folder),
+        plan.name,
+        plan.version,
+        again.verdict
+    ));
+    out.say(format_args!("record: {}", gnc_text::shown_path(&path)));
     Ok(exit_code::of(again.verdict, exit_code::Strictness::Lenient))
 }
 

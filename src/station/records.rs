@@ -13,7 +13,7 @@ use gnc_executive::text;
 use gnc_records::store::chain::LateCloses;
 use gnc_records::store::reader::{self, Wanted};
 use gnc_records::store::{StationKey, StoreError, chain, goes_on};
-use gnc_text::printable;
+use gnc_text::{exact, printable};
 
 use crate::args::RecordsCommand;
 use crate::refusal::{CommandRefusal, refuse};
@@ -40,9 +40,12 @@ fn make_key(file: &Path) -> ExitCode {
             let mut out = Lines::to_stdout();
             out.say(format_args!(
                 "{}: name this private key as key under [station] in the bench file, and keep it secret",
-                file.display()
+                gnc_text::shown_path(file)
             ));
-            out.say(format_args!("{}: give this public key to the people who verify records", public.display()));
+            out.say(format_args!(
+                "{}: give this public key to the people who verify records",
+                gnc_text::shown_path(&public)
+            ));
             ExitCode::SUCCESS
         }
         Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
@@ -57,7 +60,7 @@ fn summary(wording: &Wording, word: &str, run: &RunRecord, kept: Seal) -> String
     }
     let remarks: String = remarks.iter().map(|remark| format!(" {}", wording.text(remark))).collect();
     let word = state(wording, word);
-    let (serial_number, plan) = (printable(&run.serial_number), printable(&run.plan.name));
+    let (serial_number, plan) = (exact(&run.serial_number), exact(&run.plan.name));
     let (serial_number, plan, remarks) = (padded(&serial_number, 16), padded(&plan, 12), padded(&remarks, 20));
     format!("{word}{}  {serial_number} {plan}{remarks}", run.started.format("%F %T"))
 }

@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use gnc_text::printable;
+
 use crate::exit_code::USAGE;
 use crate::locale::Environment;
 use crate::phrases::in_language;
@@ -37,6 +39,6 @@ pub(crate) fn complain(what: impl std::fmt::Display, try_this: &str) {
     // A mistake in a file has several lines, each with a sentence of its own.
     for line in lines.lines() {
         // Ignore the error: without standard error there is no other place for the message.
-        let _ = writeln!(std::io::stderr(), "{}", in_language(line, lang));
+        let _ = writeln!(std::io::stderr(), "{}", printable(&in_language(line, lang)));
     }
 }

@@ -21,6 +21,8 @@ pub(crate) enum SerialNumberError {
     Fields { fields: String },
     #[error("{}: the scanner types in another layout", quoted(text))]
     Layout { text: String },
+    #[error("the serial number {} contains the sign {} (U+{:04X}), which bench and plan do not allow", quoted(text), quoted(&sign.to_string()), *sign as u32)]
+    Sign { text: String, sign: char },
 }
 
 impl SerialNumberError {
@@ -29,21 +31,26 @@ impl SerialNumberError {
         match self {
             Self::Layout { .. } => "switch to English, and scan again",
             Self::Fields { .. } => "scan the number's own code",
+            Self::Sign { .. } => {
+                "scan the module's label again; if the label has this sign, write it into serial_number of the bench file"
+            }
             _ => "scan the module's label again",
         }
     }
 }
 
-/// Refuses a number in letters of another layout of the keyboard than that of the label, unless patterns ask for just these
-/// letters, those of bench and plan.
-pub(crate) fn check_layout<'a>(
+/// Refuses a number with signs beyond printable ASCII, unless patterns name just these signs, those of bench and plan. Letters
+/// of another layout of the keyboard than that of the label are called that.
+pub(crate) fn check_signs<'a>(
     number: &str,
     patterns: impl IntoIterator<Item = &'a SerialNumberPattern>,
 ) -> Result<(), SerialNumberError> {
-    if is_other_layout(number) && !is_asked_for(number, patterns) {
-        return Err(SerialNumberError::Layout { text: number.to_owned() });
+    let text = number.to_owned();
+    match SerialNumberPattern::not_allowed(number, patterns) {
+        None => Ok(()),
+        Some(_) if is_other_layout(number) => Err(SerialNumberError::Layout { text }),
+        Some(sign) => Err(SerialNumberError::Sign { text, sign }),
     }
-    Ok(())
 }
 
 /// Whether there are patterns, and a number fits all of them.

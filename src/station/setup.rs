@@ -230,7 +230,7 @@ fn bench_path(named: Option<&Path>) -> Result<PathBuf, CommandRefusal> {
 /// The way to the board, and the CAN bus of the bench.
 fn target(path: &Path, file: &BenchFile) -> Result<(Target, Option<CanTarget>), CommandRefusal> {
     let Some(socket) = file.socket.clone() else {
-        let what = format!("{} names no port: it has no [socket]", path.display());
+        let what = format!("{} names no port: it has no [socket]", gnc_text::shown_path(path));
         return Err(CommandRefusal::new(what, "add [socket] with port and rate; `gnc-station ports` lists the ports"));
     };
     let can = file.can.as_ref().map(|can| CanTarget::parse(&can.port));

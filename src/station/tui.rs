@@ -85,12 +85,12 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
 /// The serial number of the command line, as a scan on the screen is read.
 fn number_given(args: &RunArgs, given: &str) -> Result<String, SerialNumberError> {
     let number = framing::given(given)?;
-    if serial_number::check_layout(&number, []).is_err() {
-        // The screen tells what is wrong with bench and plan. A pattern that cannot be read asks for no other letters.
+    if serial_number::check_signs(&number, []).is_err() {
+        // The screen tells what is wrong with bench and plan. A pattern that cannot be read names no other signs.
         let of_bench = setup::check(args).ok().and_then(|bench| bench.serial_number);
         let plan = args.plan.as_deref().and_then(|plan| files::plan(plan).ok());
         let of_plan = plan.and_then(|plan| plan.plan().serial_number.clone());
-        serial_number::check_layout(&number, [&of_bench, &of_plan].into_iter().flatten())?;
+        serial_number::check_signs(&number, [&of_bench, &of_plan].into_iter().flatten())?;
     }
     Ok(number)
 }

@@ -12,7 +12,7 @@ use std::io::{self, Write};
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::record::{ItemRecord, RunRecord};
-use gnc_text::printable;
+use gnc_text::{printable, printable_lines};
 use ratatui::text::Span;
 
 use crate::locale::{Environment, Lang};
@@ -256,7 +256,7 @@ impl<W: Write> Lines<W> {
     /// # Errors
     /// The reader is gone, or the disk is full.
     pub(crate) fn try_say(&mut self, english: impl std::fmt::Display) -> io::Result<()> {
-        writeln!(self.out, "{}", self.wording.text(&english.to_string()))
+        writeln!(self.out, "{}", printable_lines(&self.wording.text(&english.to_string())))
     }
 
     /// Writes one or more lines. A reader that has seen enough is no error.
@@ -269,7 +269,7 @@ impl<W: Write> Lines<W> {
     pub(crate) fn say_sentences(&mut self, english: impl std::fmt::Display) {
         let english = english.to_string();
         for line in english.strip_suffix('\n').unwrap_or(&english).split('\n') {
-            let _ = writeln!(self.out, "{}", in_language(line, self.wording.lang));
+            let _ = writeln!(self.out, "{}", printable(&in_language(line, self.wording.lang)));
         }
     }
 
@@ -277,13 +277,14 @@ impl<W: Write> Lines<W> {
     pub(crate) fn say_of(&mut self, what: &str, english: impl std::fmt::Display) {
         let colon = if self.wording.lang == Lang::Zh { "：" } else { ": " };
         let said = self.wording.text(&english.to_string());
-        let _ = writeln!(self.out, "{what}{colon}{said}");
+        let _ = writeln!(self.out, "{}", printable_lines(&format!("{what}{colon}{said}")));
     }
 
     /// Writes a sentence that is said of something with a name. A reader that has seen enough is no error.
     pub(crate) fn say_sentence_of(&mut self, name: &str, english: &str) {
         let colon = if self.wording.lang == Lang::Zh { "：" } else { ": " };
-        let _ = writeln!(self.out, "{name}{colon}{}", in_language(english, self.wording.lang));
+        let said = in_language(english, self.wording.lang);
+        let _ = writeln!(self.out, "{}", printable(&format!("{name}{colon}{said}")));
     }
 
     /// Writes a line that is in the language already.
@@ -291,7 +292,7 @@ impl<W: Write> Lines<W> {
     /// # Errors
     /// As [`Lines::try_say`].
     pub(crate) fn say_as_it_is(&mut self, line: impl std::fmt::Display) -> io::Result<()> {
-        writeln!(self.out, "{line}")
+        writeln!(self.out, "{}", printable_lines(&line.to_string()))
     }
 
     /// Writes whole lines that are in the language already.

@@ -3,7 +3,9 @@
 //! It knows nothing of tests, boards or records.
 
 mod causes;
+mod exact;
 mod printable;
 
 pub use causes::with_causes;
-pub use printable::{printable, quoted, shortened};
+pub use exact::{exact, shown_path};
+pub use printable::{is_hidden, printable, printable_lines, quoted, shortened};

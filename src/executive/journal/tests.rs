@@ -293,3 +293,65 @@ fn a_selection_of_an_earlier_version_is_no_pass() {
     assert_ne!(old, json);
     assert_eq!(serde_json::from_str::<RunRecord>(&old).unwrap(), record);
 }
+
+/// The fold of a journal that is in memory as a whole, by another way: lines are cut from the text, and zeros at its end.
+fn fold_at_once(bytes: &[u8]) -> Result<(RunState, usize), String> {
+    let whole = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    let mut state = RunState::new();
+    let mut good_bytes = 0;
+    for (index, piece) in bytes[..whole].split_inclusive(|byte| *byte == b'\n').enumerate() {
+        let Ok(event) = serde_json::from_slice::<Event>(piece) else {
+            if piece.ends_with(b"\n") {
+                return Err(format!("line {}", index + 1));
+            }
+            break;
+        };
+        state.apply(&event).map_err(|_| format!("line {}", index + 1))?;
+        good_bytes += piece.len();
+    }
+    Ok((state, good_bytes))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// However the pieces come from the disk, the fold is that of the whole.
+    #[test]
+    fn the_fold_of_pieces_is_that_of_the_whole(
+        cut in any::<prop::sample::Index>(),
+        holes in prop::collection::vec((any::<prop::sample::Index>(), prop::sample::select(b"\0\0\n{x".to_vec())), 0..3),
+        zeros in prop_oneof![Just(0_usize), 0..2000_usize],
+        buffer in 1..300_usize,
+    ) {
+        let (mut bytes, _, _) = stored();
+        for (at, byte) in holes {
+            // Most journals stay good up to their end.
+            let at = bytes.len() - 1 - at.index(bytes.len()).pow(2) / bytes.len();
+            bytes[at] = byte;
+        }
+        bytes.truncate(cut.index(bytes.len() * 2).max(1));
+        bytes.resize(bytes.len() + zeros, 0);
+        let of_pieces = fold_from(std::io::BufReader::with_capacity(buffer, bytes.as_slice()));
+        match (of_pieces, fold_at_once(&bytes)) {
+            (Ok(journal), Ok((state, good_bytes))) => {
+                prop_assert_eq!(&journal.state, &state);
+                prop_assert_eq!((journal.good_bytes, journal.cut_bytes), (good_bytes, bytes.len() - good_bytes));
+            }
+            // What another version wrote is told before anything else; its tests stand above.
+            (Err(FoldError::Journal(JournalError::Newer { .. } | JournalError::OtherSchema { .. })), _) => {}
+            (Err(error), Err(line)) => prop_assert!(error.to_string().starts_with(&line), "{error}, {line}"),
+            (of_pieces, at_once) => prop_assert!(false, "{of_pieces:?} {at_once:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_line_without_an_end_is_refused() {
+    let endless = std::io::Read::take(std::io::repeat(b'x'), 1 << 40);
+    let refused = fold_from(std::io::BufReader::with_capacity(1 << 20, endless)).unwrap_err();
+    assert_eq!(refused.to_string(), "line 1 of the journal is longer than 33554432 bytes");
+    // Zeros are what a file system leaves behind a journal, any number of them.
+    let zeros = std::io::Read::take(std::io::repeat(0), 1 << 30);
+    let journal = fold_from(std::io::BufReader::with_capacity(1 << 20, zeros)).unwrap();
+    assert_eq!((journal.good_bytes, journal.cut_bytes), (0, 1 << 30));
+}

@@ -201,7 +201,7 @@ impl PortLocation {
 impl fmt::Display for PortLocation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Device(path, _) => path.display().fmt(f),
+            Self::Device(path, _) => f.write_str(&gnc_text::shown_path(path)),
             Self::Memory(port) => port.fmt(f),
         }
     }

@@ -138,10 +138,10 @@ fn number_of(number: &GivenNumber) -> PassportNumber {
     PassportNumber { key: plain(&number.key), label: plain(&number.label), value: plain(&number.value) }
 }
 
-/// A text from outside in a form that both files of the passport can hold: XML has no control characters.
+/// A text from outside in a form that both files of the passport can hold, and that shows what it is: XML has no control
+/// characters, and a passport is read by people.
 pub(super) fn plain(text: &str) -> String {
-    let harmless = |character: char| !character.is_control() && !matches!(character, '\u{fffe}' | '\u{ffff}');
-    text.chars().map(|character| if harmless(character) { character } else { char::REPLACEMENT_CHARACTER }).collect()
+    gnc_text::printable(text).into_owned()
 }
 
 /// Makes the passport from what the items of a run found, oldest first.

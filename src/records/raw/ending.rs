@@ -18,6 +18,7 @@ use mcap::sans_io::LinearReaderOptions;
 use mcap::{MAGIC, McapError, McapResult};
 
 use super::RawError;
+use super::budget::Budget;
 use super::reader::{Unread, each_in_chunk, each_record, parsed};
 use super::writer::RawWriter;
 
@@ -73,6 +74,9 @@ pub(crate) struct Survey {
     chunks: Vec<ChunkIndex>,
     /// The messages of the last chunk, by channel, until all of its indexes are read.
     unindexed: BTreeMap<u16, Vec<MessageIndexEntry>>,
+    /// How many channels of the last chunk have an index that was not read yet.
+    missing: usize,
+    budget: Budget,
     /// Places of the indexes of the last chunk that were read.
     indexes: BTreeMap<u16, u64>,
     /// Metadata records that stay.
@@ -122,13 +126,18 @@ impl Survey {
             bounds: None,
             chunks: Vec::new(),
             unindexed: BTreeMap::new(),
+            missing: 0,
+            budget: Budget::default(),
             indexes: BTreeMap::new(),
             metadata: Vec::new(),
             past_data: false,
         };
         survey.here.pass(MAGIC);
         let options = LinearReaderOptions::default().with_emit_chunks(true);
-        let end = each_record(source, options, &mut 0, |opcode, data| survey.record(opcode, data));
+        let end = each_record(source, options, &mut 0, |opcode, data| {
+            survey.budget.of_file(data)?;
+            survey.record(opcode, data)
+        });
         match end {
             Ok(()) => Ok(None),
             // A file without channels has no message either: such a file begins anew.
@@ -250,7 +259,9 @@ impl Survey {
         self.unindexed.clear();
         self.indexes.clear();
         let mut offset = 0;
+        self.budget.chunk(data)?;
         each_in_chunk(data, |opcode, data| {
+            self.budget.in_chunk(data)?;
             self.look_at(opcode, data, Some(offset))?;
             offset += RECORD_HEAD + data.len() as u64;
             Ok(())
@@ -259,6 +270,7 @@ impl Survey {
             Unread::Refused(error) => error,
             Unread::File(source) => self.damaged(source),
         })?;
+        self.missing = self.unindexed.len();
         self.chunks.push(ChunkIndex {
             message_start_time: header.message_start_time,
             message_end_time: header.message_end_time,
@@ -303,12 +315,16 @@ impl Survey {
         if index.records != expected {
             return Err(self.damaged(McapError::BadIndex));
         }
-        self.indexes.insert(index.channel_id, at);
+        let is_new = self.indexes.insert(index.channel_id, at).is_none();
+        if is_new && self.unindexed.contains_key(&index.channel_id) {
+            self.missing -= 1;
+        }
         if let Some(chunk) = self.chunks.last_mut()
-            && self.unindexed.keys().all(|channel| self.indexes.contains_key(channel))
+            && self.missing == 0
         {
             chunk.message_index_length = self.here.bytes - (chunk.chunk_start_offset + chunk.chunk_length);
-            chunk.message_index_offsets.append(&mut self.indexes);
+            // Not `append`, which would go through all of them for each index that a file repeats.
+            chunk.message_index_offsets.extend(std::mem::take(&mut self.indexes));
             self.unindexed.clear();
             self.kept = self.here.clone();
         }

@@ -1,7 +1,7 @@
 //! Reads captures back, bit for bit. A file may be hostile: everything in it is checked before it is used.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read};
 
 use gnc_analysis::capture::{Capture, CaptureHead, HostView, ReceiverCapture, Said, Timing};
@@ -11,6 +11,7 @@ use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::Topic;
+use super::budget::Budget;
 use super::ending::CutOff;
 use super::mark::RawMark;
 use super::origin::RawOrigin;
@@ -18,6 +19,9 @@ use super::sample::{get_bytes, get_compensated, get_edge, get_sample};
 
 /// Longest record, packed or unpacked: the writer ends its chunks at 1 MiB, other programs at 4 MiB or so.
 const LONGEST_RECORD: usize = 64 << 20;
+/// Longest record that names things: those of this station have a few hundred bytes. Each of their entries takes ten times as
+/// much in memory as in the file.
+const LONGEST_NAMES: usize = 1 << 20;
 /// Bound on the samples of one file: a day at 200 Hz has 17 million. More would only take memory.
 const MOST_SAMPLES: usize = 32_000_000;
 /// Bound on the captures of one file: no calibration uses 10,000 positions.
@@ -83,6 +87,14 @@ pub enum RawError {
     /// The file names no run, and those of this run do.
     #[error("it does not say of which run it is, as the files of this run do")]
     NoRun,
+    /// A small file asks for much time or memory.
+    #[error("it asks for {unpacked} bytes when {packed} bytes are read, more than any record of this station")]
+    Swollen {
+        /// Bytes of the file so far.
+        packed: u64,
+        /// What they unpack to, or cost as much as.
+        unpacked: u64,
+    },
     /// The file exceeds a bound.
     #[error("it holds more than {most} {what}")]
     TooMuch {
@@ -102,7 +114,9 @@ impl RawError {
             Self::Damaged { .. } => {
                 "restore the file from a backup; `gnc-station records verify` says what was changed"
             }
-            Self::Foreign { .. } => "give a file that this station wrote: RECORDS/.../attempt-1.mcap",
+            Self::Foreign { .. } | Self::Swollen { .. } => {
+                "give a file that this station wrote: RECORDS/.../attempt-1.mcap"
+            }
             Self::OtherRun { .. } | Self::NoRun => {
                 "restore the run's folder from a backup; `gnc-station records verify` says what was changed"
             }
@@ -120,9 +134,12 @@ pub fn read(source: impl Read) -> Result<RawRecord, RawError> {
     let mut bytes = 0;
     // Chunks come as a whole and are checked before they are opened.
     let options = LinearReaderOptions::default().with_emit_chunks(true);
-    let end = each_record(source, options, &mut bytes, |opcode, data| match opcode {
-        op::CHUNK => found.chunk(data),
-        _ => found.record(opcode, data),
+    let end = each_record(source, options, &mut bytes, |opcode, data| {
+        found.budget.of_file(data)?;
+        match opcode {
+            op::CHUNK => found.chunk(data),
+            _ => found.record(opcode, data),
+        }
     });
     match end {
         Ok(()) => found.close(false),
@@ -209,6 +226,9 @@ pub(super) fn each_record(
 pub(super) fn parsed(opcode: u8, data: &[u8]) -> Result<Record<'_>, McapError> {
     match opcode {
         op::ATTACHMENT => Ok(Record::Unknown { opcode, data: Cow::Borrowed(data) }),
+        op::CHANNEL | op::METADATA if data.len() > LONGEST_NAMES => {
+            Err(McapError::RecordTooLarge { opcode, len: data.len() as u64 })
+        }
         _ => mcap::parse_record(opcode, data),
     }
 }
@@ -258,7 +278,10 @@ fn fill(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
 /// The content that was found so far.
 #[derive(Debug, Default)]
 struct Found {
+    budget: Budget,
     captures: Vec<Capture>,
+    /// Labels of all captures, also of the one that has not ended.
+    labels: BTreeSet<String>,
     /// The capture that has begun and not ended.
     open: Option<Capture>,
     /// Topics by the numbers that this file gives them. A file may define any number of them, and repeat them.
@@ -279,7 +302,11 @@ impl Found {
     }
 
     fn chunk(&mut self, chunk: &[u8]) -> Result<(), RawError> {
-        let end = each_in_chunk(chunk, |opcode, data| self.record(opcode, data));
+        self.budget.chunk(chunk)?;
+        let end = each_in_chunk(chunk, |opcode, data| {
+            self.budget.in_chunk(data)?;
+            self.record(opcode, data)
+        });
         end.map_err(|why| self.unread(why))
     }
 
@@ -370,7 +397,7 @@ impl Found {
             let what = format!("a capture begins in the middle of `{}`", open.about.label);
             return Err(self.foreign(what));
         }
-        if self.captures.iter().any(|capture| capture.about.label == about.label) {
+        if !self.labels.insert(about.label.clone()) {
             return Err(self.foreign(format!("`{}` comes twice", about.label)));
         }
         if self.captures.len() >= MOST_CAPTURES {

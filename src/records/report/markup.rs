@@ -1,28 +1,32 @@
 //! HTML, written so that no text can become markup.
 
+use std::borrow::Cow;
 use std::fmt::{self, Write as _};
 use std::io;
 
+use gnc_text::printable;
+
 /// A text of any origin as the content of an element or an attribute.
 ///
-/// The five special characters are escaped, and control characters (a terminal escape of a board, a null) are shown as
-/// the replacement character.
+/// The five special characters are escaped as in HTML, and what does not show itself (a terminal escape of a board, a null, a
+/// mark that turns the direction of the line) as on a terminal. Line ends and tabs are spaces.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Text<'a>(pub(super) &'a str);
 
 impl fmt::Display for Text<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for character in self.0.chars() {
+        let spaced = if self.0.contains(['\n', '\t']) {
+            Cow::Owned(self.0.replace(['\n', '\t'], " "))
+        } else {
+            Cow::Borrowed(self.0)
+        };
+        for character in printable(&spaced).chars() {
             match character {
                 '&' => f.write_str("&amp;")?,
                 '<' => f.write_str("&lt;")?,
                 '>' => f.write_str("&gt;")?,
                 '"' => f.write_str("&quot;")?,
                 '\'' => f.write_str("&#39;")?,
-                '\n' | '\t' => f.write_char(' ')?,
-                // Also replace characters that turn the direction of a line: a serial number must read as it is.
-                '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => f.write_char('\u{fffd}')?,
-                character if character.is_control() => f.write_char('\u{fffd}')?,
                 character => f.write_char(character)?,
             }
         }

@@ -7,7 +7,7 @@ use crate::raw::{self, RawError, RawOrigin, RawRecord};
 
 /// Why captures cannot be read back.
 #[derive(Debug, thiserror::Error)]
-#[error("the raw samples in {} cannot be used", path.display())]
+#[error("the raw samples in {} cannot be used", gnc_text::shown_path(path))]
 pub struct CapturesError {
     /// The file.
     pub path: PathBuf,

@@ -29,7 +29,7 @@ const LONGEST: u64 = 128;
 #[derive(Debug, thiserror::Error)]
 pub enum KeyError {
     /// Access to the key file failed.
-    #[error("cannot {what} the key {}", path.display())]
+    #[error("cannot {what} the key {}", gnc_text::shown_path(path))]
     File {
         /// The action: "read", "write".
         what: &'static str,
@@ -39,7 +39,7 @@ pub enum KeyError {
         source: io::Error,
     },
     /// Other users have rights to the key file.
-    #[error("other users may use the key {} (mode {mode:03o})", path.display())]
+    #[error("other users may use the key {} (mode {mode:03o})", gnc_text::shown_path(path))]
     Open {
         /// The key file.
         path: PathBuf,
@@ -47,13 +47,13 @@ pub enum KeyError {
         mode: u32,
     },
     /// The key file belongs to another user.
-    #[error("the key {} belongs to another user", path.display())]
+    #[error("the key {} belongs to another user", gnc_text::shown_path(path))]
     Foreign {
         /// The key file.
         path: PathBuf,
     },
     /// The file does not hold such a key.
-    #[error("{} is not a {form} Ed25519 key", path.display())]
+    #[error("{} is not a {form} Ed25519 key", gnc_text::shown_path(path))]
     NoKey {
         /// The key file.
         path: PathBuf,

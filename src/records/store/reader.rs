@@ -1,12 +1,12 @@
 //! Reads records back. The journal is authoritative; files made from it are compared with it.
 
-use std::fs;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use chrono::NaiveDate;
 use gnc_executive::event::Event;
-use gnc_executive::journal::{self, JournalError, Unknown};
+use gnc_executive::journal::{self, FoldError, JournalError, JournalLines, Unknown};
 use gnc_executive::plan::MAX_PLAN_FILES;
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
@@ -32,7 +32,7 @@ const DAY: &str = "%Y-%m-%d";
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// Access to a file or folder failed.
-    #[error("cannot read {}", path.display())]
+    #[error("cannot read {}", gnc_text::shown_path(path))]
     File {
         /// The file or folder.
         path: PathBuf,
@@ -40,7 +40,7 @@ pub enum ReadError {
         source: io::Error,
     },
     /// The file is longer than any journal.
-    #[error("{} is longer than any journal", path.display())]
+    #[error("{} is longer than any journal", gnc_text::shown_path(path))]
     TooLong {
         /// The journal.
         path: PathBuf,
@@ -90,10 +90,11 @@ impl ReadError {
         }
     }
 
-    fn of_journal(error: JournalError) -> Self {
+    fn of_fold(path: PathBuf, error: FoldError) -> Self {
         match error {
-            JournalError::Newer { unknown, .. } => Self::Newer(unknown),
-            error => Self::Damaged(error),
+            FoldError::Read(source) => Self::File { path, source },
+            FoldError::Journal(JournalError::Newer { unknown, .. }) => Self::Newer(unknown),
+            FoldError::Journal(error) => Self::Damaged(error),
         }
     }
 }
@@ -425,8 +426,10 @@ pub fn fold(folder: &Path) -> Result<RunState, ReadError> {
     if was_never_begun(folder) {
         return Err(ReadError::NeverBegun);
     }
-    let bytes = journal_of(folder)?;
-    journal::fold(&bytes).map(|journal| journal.state).map_err(ReadError::of_journal)
+    let path = folder.join(JOURNAL);
+    journal::fold_from(open_journal(&path)?)
+        .map(|journal| journal.state)
+        .map_err(|error| ReadError::of_fold(path, error))
 }
 
 /// The events of a run in their order; [`fold`] must have found its journal good.
@@ -434,9 +437,15 @@ pub fn fold(folder: &Path) -> Result<RunState, ReadError> {
 /// # Errors
 /// [`ReadError`].
 pub fn events(folder: &Path) -> Result<Vec<Event>, ReadError> {
-    let bytes = journal_of(folder)?;
-    // In an interrupted run the last line may be cut off; the fold found all others good.
-    Ok(bytes.split_inclusive(|byte| *byte == b'\n').map_while(|line| serde_json::from_slice(line).ok()).collect())
+    let path = folder.join(JOURNAL);
+    let mut lines = JournalLines::new(open_journal(&path)?);
+    let mut events = Vec::new();
+    while let Some(line) = lines.next_line().map_err(|error| ReadError::of_fold(path.clone(), error))? {
+        // In an interrupted run the last line may be cut off; the fold found all others good.
+        let Ok(event) = serde_json::from_slice(line.bytes) else { break };
+        events.push(event);
+    }
+    Ok(events)
 }
 
 /// The files of a run's plan, each with its name and content, in the order in which the plan included them.
@@ -467,13 +476,14 @@ pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
     fs::read(folder.join(name))
 }
 
-fn journal_of(folder: &Path) -> Result<Vec<u8>, ReadError> {
-    let path = folder.join(JOURNAL);
-    let cannot = |source: io::Error| ReadError::File { path: path.clone(), source };
-    if fs::metadata(&path).map_err(cannot)?.len() > MAX_JOURNAL_BYTES {
-        return Err(ReadError::TooLong { path });
+/// A journal that is read line by line: a long one would take as much memory as its file.
+fn open_journal(path: &Path) -> Result<impl BufRead + use<>, ReadError> {
+    let cannot = |source: io::Error| ReadError::File { path: path.to_owned(), source };
+    let file = File::open(path).map_err(cannot)?;
+    if file.metadata().map_err(cannot)?.len() > MAX_JOURNAL_BYTES {
+        return Err(ReadError::TooLong { path: path.to_owned() });
     }
-    fs::read(&path).map_err(cannot)
+    Ok(BufReader::new(file.take(MAX_JOURNAL_BYTES)))
 }
 
 /// Problems of a run's folder, as far as this version of the station can tell; empty if all is as it was written. For a
@@ -545,19 +555,19 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let mut promised = sums.into_map();
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {
-            None => problems.push(format!("{} was added", file.display())),
+            None => problems.push(format!("{} was added", gnc_text::shown_path(&file))),
             // A link or a device in place of the file is not a file of the record, wherever it points.
             Some(_) if !folder.join(&file).symlink_metadata().is_ok_and(|meta| meta.is_file()) => {
-                problems.push(format!("{} was replaced by something that is not a file", file.display()));
+                problems.push(format!("{} was replaced by something that is not a file", gnc_text::shown_path(&file)));
             }
             Some(digest) => match digest::of_file(&folder.join(&file)) {
                 Ok(found) if found == digest => {}
-                Ok(_) => problems.push(format!("{} was changed", file.display())),
+                Ok(_) => problems.push(format!("{} was changed", gnc_text::shown_path(&file))),
                 Err(error) => problems.push(gnc_text::with_causes(&error)),
             },
         }
     }
-    problems.extend(promised.keys().map(|file| format!("{} is missing", file.display())));
+    problems.extend(promised.keys().map(|file| format!("{} is missing", gnc_text::shown_path(file))));
     problems.extend(captures::of_other_runs(folder)?);
     if let Some(state) = state {
         let stored = fs::read(folder.join(RECORD)).ok();

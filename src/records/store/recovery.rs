@@ -91,7 +91,7 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     runs.reverse();
     lines.extend(never_begun.iter().filter_map(|run| take_away(records, run)));
     let (closed, open): (Vec<_>, Vec<_>) = runs.into_iter().partition(|run| run.join(DIGESTS).exists());
-    let name = |run: &Path| run.strip_prefix(records).unwrap_or(run).display().to_string();
+    let name = |run: &Path| gnc_text::shown_path(run.strip_prefix(records).unwrap_or(run));
     let cannot =
         |error: &StoreError| format!("cannot be sealed: {}; {}", gnc_text::with_causes(error), error.try_this());
     let sealed_before = closed.len();
@@ -153,7 +153,7 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
 
 /// Takes away the folder of a run that never began, unless a station holds it.
 fn take_away(records: &Path, run: &Path) -> Option<String> {
-    let name = run.strip_prefix(records).unwrap_or(run).display().to_string();
+    let name = gnc_text::shown_path(run.strip_prefix(records).unwrap_or(run));
     // A folder that a person made is none of a run, and a station that begins a run in it would hold its lock.
     let of_run = run.file_name().is_some_and(|name| folder::is_name_of_run(&name.to_string_lossy()));
     let _held =

@@ -197,7 +197,7 @@ impl Writer {
         for banner in text::banners(&record) {
             self.say(&banner);
         }
-        self.say(&format!("record: {}", self.folder.path().display()));
+        self.say(&format!("record: {}", gnc_text::shown_path(self.folder.path())));
     }
 
     /// Draws a bar on a terminal; elsewhere it writes a line now and then.

@@ -36,7 +36,7 @@ impl JunitFile {
     /// The file cannot be written, or something else has its name.
     pub(super) fn begin(path: &Path) -> Result<Self, CommandRefusal> {
         if path.exists() && !path.is_file() {
-            let what = format!("{} is not a file, so no JUnit XML can take its place", path.display());
+            let what = format!("{} is not a file, so no JUnit XML can take its place", gnc_text::shown_path(path));
             return Err(CommandRefusal::new(what, "name a file with --junit"));
         }
         // The file of a link is replaced, and not the link.
@@ -63,7 +63,7 @@ impl JunitFile {
     /// Adds a run that has ended, as its record says.
     pub(super) fn add(&mut self, folder: &Path, ending: &Ending) {
         let unrecorded = ending.store_error.as_ref().map(|error| with_causes(error));
-        let place = folder.display().to_string();
+        let place = gnc_text::shown_path(folder);
         let added = match reader::read(folder) {
             Ok(record) => self.report.add_run(&record, &place, unrecorded.as_deref()),
             Err(error) => {
@@ -116,7 +116,7 @@ impl JunitFile {
                 _ => "name a file that you may write with --junit",
             };
             CommandRefusal::new(
-                format!("the JUnit XML cannot be written to {}: {error}", self.path.display()),
+                format!("the JUnit XML cannot be written to {}: {error}", gnc_text::shown_path(&self.path)),
                 try_this,
             )
         })

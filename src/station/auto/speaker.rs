@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use gnc_executive::plan::{Plan, QuestionWords};
 use gnc_executive::record::{ItemRecord, RunRecord};
-use gnc_text::printable;
+use gnc_text::{printable, printable_lines};
 
 use crate::locale::Lang;
 use crate::phrases::LONGEST;
@@ -59,12 +59,13 @@ impl Speaker {
 
     /// A line in the language.
     pub(super) fn say(&self, english: &str) {
-        self.write(&format!("{}\n", self.words(english)));
+        self.say_as_it_is(&self.words(english));
     }
 
     /// A line that is in the language already.
     pub(super) fn say_as_it_is(&self, line: &str) {
-        self.write(&format!("{line}\n"));
+        // What came from outside is escaped already. This is for what is forgotten.
+        self.write(&format!("{}\n", printable_lines(line)));
     }
 
     /// Writes a text. A terminal that is gone must not stop the test.

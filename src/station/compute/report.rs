@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use gnc_metrology::Refusal;
+use gnc_text::printable;
 use nalgebra::{SMatrix, Vector3};
 use serde_json::{Map, Value, json};
 
@@ -165,7 +166,13 @@ impl FigureReport {
         for entry in &self.entries {
             match &entry.body {
                 Body::Value(value) => {
-                    show(&mut text, entry.key, &in_language(&entry.unit, lang), value, &Place { width, lang });
+                    show(
+                        &mut text,
+                        entry.key,
+                        &in_language(&printable(&entry.unit), lang),
+                        value,
+                        &Place { width, lang },
+                    );
                 }
                 Body::Rows { columns, rows } => grid(&mut text, entry.key, columns, rows, lang),
                 Body::Named { columns, rows } => {
@@ -198,6 +205,7 @@ impl FigureReport {
 /// A phrase about the record. One that is little more than names of columns stands in the table behind a word of its own,
 /// since its few words fit other sentences too.
 fn told_in(phrase: &str, lang: Lang) -> String {
+    let phrase = &*printable(phrase);
     match in_language(phrase, lang) {
         Cow::Owned(told) => told,
         Cow::Borrowed(_) => {
@@ -290,12 +298,12 @@ fn show(text: &mut String, key: &str, unit: &str, value: &Value, place: &Place) 
                 let label = if i == 0 { key } else { "" };
                 let unit = if i == 0 { unit } else { "" };
                 let inner = Place { width: width + 15, lang };
-                show(text, &format!("{label:<width$}  {name:<13}"), unit, item, &inner);
+                show(text, &format!("{label:<width$}  {:<13}", printable(name)), unit, item, &inner);
             }
         }
         // A list of texts is one of names.
         Value::String(said) => {
-            let _ = writeln!(text, "  {key:<width$}  {}  {unit}", in_language(said, lang));
+            let _ = writeln!(text, "  {key:<width$}  {}  {unit}", in_language(&printable(said), lang));
         }
         _ => {
             let _ = writeln!(text, "  {key:<width$}  {}  {unit}", plain(value, lang));
@@ -306,7 +314,7 @@ fn show(text: &mut String, key: &str, unit: &str, value: &Value, place: &Place) 
 fn plain(value: &Value, lang: Lang) -> String {
     match value {
         Value::Null => format!("{:>13}", "-"),
-        Value::String(s) => s.clone(),
+        Value::String(s) => printable(s).into_owned(),
         Value::Number(n) if n.is_f64() => figure(n.as_f64().unwrap_or(f64::NAN)),
         Value::Array(items) if items.len() > 12 => in_language(&format!("{} values", items.len()), lang).into_owned(),
         Value::Array(items) => items.iter().map(|item| plain(item, lang)).collect::<Vec<_>>().join(" "),

@@ -135,7 +135,7 @@ impl TiltBudget {
     pub(super) fn compute(&self) -> Result<ComputeOutcome, ComputeError> {
         let unreadable = |source| TableError::Io { path: self.file.clone(), source };
         let bytes = std::fs::read(&self.file).map_err(unreadable)?;
-        let source = SourceText::new(&self.file.display().to_string(), bytes, MOST_BYTES)?;
+        let source = SourceText::new(&gnc_text::shown_path(&self.file), bytes, MOST_BYTES)?;
         let (lines, range_deg) = gnc_config::read(&source, budget)?;
         let (before, after) = tilt::budget(&lines, range_deg)?;
         let total = |t: &tilt::Total| {

@@ -84,7 +84,7 @@ fn lines(bench: &BenchFile) -> Vec<Line> {
 /// A finding for each other program that has the port open.
 fn others(line: &Line, proc: &Proc) -> Vec<Finding> {
     let Some((device, _)) = line.device() else { return Vec::new() };
-    let shown = device.display();
+    let shown = gnc_text::shown_path(device);
     let told = |holder: super::holders::Holder| {
         let what = format!(
             "port {shown} is open in another program too: process {} ({}); each of the two gets a part of the bytes",
@@ -154,8 +154,10 @@ fn hidden(line: &Line, heard: &Heard, receivers: usize, proc: &Proc) -> Option<F
     let (device, _) = line.device()?;
     let hidden = proc.holders(device).hidden;
     (hidden > 0).then(|| {
-        let what =
-            format!("{hidden} processes of other users cannot be seen; one of them may read {}", device.display());
+        let what = format!(
+            "{hidden} processes of other users cannot be seen; one of them may read {}",
+            gnc_text::shown_path(device)
+        );
         Finding::warning(what, "sudo gnc-station doctor")
     })
 }

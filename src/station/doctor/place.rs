@@ -20,13 +20,17 @@ const COLUMNS_AND_ROWS: (u16, u16) = (80, 24);
 
 /// Checks the records folder, and finds runs without an end.
 pub(super) fn records(folder: &Path) -> Vec<Finding> {
-    let shown = folder.display();
+    let shown = gnc_text::shown_path(folder);
     if !folder.exists() {
         let there = existing(folder);
         return vec![match access(there, AccessFlags::W_OK) {
             Ok(()) => Finding::good(format!("records go to {shown}, which the first run creates")),
             Err(error) => Finding::bad(
-                format!("records cannot go to {shown}: {} is not writable ({})", there.display(), error.desc()),
+                format!(
+                    "records cannot go to {shown}: {} is not writable ({})",
+                    gnc_text::shown_path(there),
+                    error.desc()
+                ),
                 "choose another folder with records = under [station], or make this one writable",
             ),
         }];

@@ -19,7 +19,7 @@ pub(super) fn look(port: &Path, rate_baud: u32, sys: &Sys) -> Vec<Finding> {
 
 /// Whether the port is there and opens; `key` is that of the bench file which names it.
 pub(super) fn opens(port: &Path, rate_baud: u32, key: &str) -> Finding {
-    let shown = port.display();
+    let shown = gnc_text::shown_path(port);
     let Ok(meta) = std::fs::metadata(port) else {
         let what = format!("port {shown} is not there");
         return Finding::bad(what, "plug the adapter in; `gnc-station ports` lists the ports");
@@ -41,7 +41,7 @@ pub(super) fn opens(port: &Path, rate_baud: u32, key: &str) -> Finding {
 /// driver refuses.
 fn opened(port: &Path, rate_baud: u32) -> Finding {
     match serial::try_open(port, rate_baud) {
-        Ok(()) => Finding::good(format!("port {} at {rate_baud} bit/s", port.display())),
+        Ok(()) => Finding::good(format!("port {} at {rate_baud} bit/s", gnc_text::shown_path(port))),
         Err(error @ OpenError::Busy { .. }) => Finding::warning(error.to_string(), error.try_this()),
         Err(error) => Finding::bad(gnc_text::with_causes(&error), error.try_this()),
     }
@@ -58,7 +58,7 @@ fn latency(port: &Path, sys: &Sys) -> Option<Finding> {
     let timer = format!("tty/{name}/device/latency_timer");
     let waits_ms = sys.number(&timer)?;
     (waits_ms > LATENCY_MS).then(|| {
-        let what = format!("the adapter of {} holds received bytes back for {waits_ms} ms", port.display());
-        Finding::warning(what, format!("echo 1 | sudo tee {}", sys.0.join(&timer).display()))
+        let what = format!("the adapter of {} holds received bytes back for {waits_ms} ms", gnc_text::shown_path(port));
+        Finding::warning(what, format!("echo 1 | sudo tee {}", gnc_text::shown_path(&sys.0.join(&timer))))
     })
 }

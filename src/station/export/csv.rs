@@ -3,6 +3,8 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
+use gnc_text::printable;
+
 use super::table::{PLACE, SampleTable, TEMPERATURES, TableKind};
 
 pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item = SampleTable<'a>>) -> io::Result<()> {
@@ -32,5 +34,5 @@ pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item 
 
 /// A text from outside as a field in quotes.
 fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('"', "\"\"").replace(char::is_control, " "))
+    format!("\"{}\"", printable(text).replace('"', "\"\""))
 }

@@ -12,7 +12,7 @@ use gnc_executive::verdict::Verdict;
 use gnc_records::standing::Seals;
 use gnc_records::store::StoreError;
 use gnc_records::store::reader::{self, Found, FoundRun, Wanted};
-use gnc_text::printable;
+use gnc_text::{printable, shown_path};
 
 use super::place::RecordsPlace;
 use crate::args::ListArgs;
@@ -153,7 +153,10 @@ fn for_people<W: Write>(
             }
         };
         // Its cells have their words already, and serial numbers are no words.
-        out.say_as_it_is(format_args!("{line}  {}", printable(&found.place(&place.path))))?;
+        out.say_as_it_is(format_args!(
+            "{line}  {}",
+            shown_path(found.path.strip_prefix(&place.path).unwrap_or(&found.path))
+        ))?;
     }
     if none {
         let such = if args.wants_all() { "no run" } else { "no such run" };
@@ -161,3 +164,6 @@ fn for_people<W: Write>(
     }
     out.flush()
 }
+
+#[cfg(test)]
+mod tests;

@@ -23,7 +23,7 @@ pub(crate) struct RecordsArgs {
 #[derive(Debug, Clone)]
 pub(crate) struct RecordsPlace {
     pub(crate) path: PathBuf,
-    why: String,
+    pub(super) why: String,
 }
 
 impl RecordsPlace {
@@ -58,7 +58,7 @@ impl RecordsArgs {
             return Ok(RecordsPlace { path: RECORDS.into(), why });
         };
         let file = files::bench(bench)?;
-        let shown = bench.display();
+        let shown = gnc_text::shown_path(bench);
         Ok(match records_of(&file, bench.parent()) {
             Some(path) => RecordsPlace { path, why: format!("which {shown} names") },
             None => RecordsPlace { path: RECORDS.into(), why: format!("since {shown} names no other") },

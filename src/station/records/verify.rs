@@ -41,7 +41,7 @@ pub(super) fn run(
 
 /// What a copy of `COUNTER` says.
 fn copy_of_counter(file: &Path) -> Result<Head, CommandRefusal> {
-    let shown = file.display().to_string();
+    let shown = gnc_text::shown_path(file);
     let text = gnc_files::text(file, MAX_COUNTER_BYTES).map_err(|error| {
         CommandRefusal::new(format!("cannot read {}: {error}", printable(&shown)), "name a copy of COUNTER")
     })?;
@@ -109,7 +109,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     };
     for folder in &folders {
         let mut found = reader::check(folder);
-        let place = folder.display();
+        let place = gnc_text::shown_path(folder);
         if found.running {
             running += 1;
             out.say(format_args!("{place}: running: its record can be verified when the run has ended"));

@@ -27,7 +27,7 @@ pub(super) struct SimulatedModule {
 }
 
 pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, CommandRefusal> {
-    let name = personality.display().to_string();
+    let name = personality.to_string_lossy().into_owned();
     let (personality, text) = read(personality, &name)?;
     let speed = speed(&args.sim_speed)?;
     let file = BenchFile::read("the simulated bench's file", hw_mocks::BENCH_FILE.as_bytes().to_vec())
@@ -62,7 +62,7 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
 
 /// Starts a simulated board at true speed, for a command that needs nothing else.
 pub(super) fn board_line(personality: &Path, link: SimLink) -> Result<(Target, RunningBench), CommandRefusal> {
-    let (personality, _) = read(personality, &personality.display().to_string())?;
+    let (personality, _) = read(personality, &gnc_text::shown_path(personality))?;
     let options = BenchOptions { personality, speed: Speed::Times(1.0), ..BenchOptions::default() };
     let running = start(&options, None)?;
     let target = match link {

@@ -181,6 +181,7 @@ pub(crate) struct Texts {
     pub scanner_back: &'static str,
     pub scan_invisible: &'static str,
     pub scan_layout: &'static str,
+    pub scan_sign: &'static str,
     pub scan_fields: &'static str,
     pub scan_cut: &'static str,
     pub not_used: &'static str,

@@ -22,12 +22,13 @@ use std::path::Path;
 
 use gnc_executive::event::{BoardBreach, EventKind};
 use gnc_executive::outcome::Outcome;
+use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::Standing;
 use gnc_executive::verdict::Verdict;
 
 use super::decode::Key;
 use super::lang::Lang;
-use super::model::{Glyphs, RoundsSetting};
+use super::model::{Glyphs, Loaded, RoundsSetting};
 use super::pending::Prepared;
 use super::records::RunMark;
 use super::scene::Scene;
@@ -192,6 +193,9 @@ fn a_scanner_types_and_nothing_happens() {
     ];
     for play in plays {
         let mut scene = scene(Lang::En);
+        if let Loaded::Ready(bench) = &mut scene.model.bench {
+            bench.serial_number = SerialNumberPattern::new(".*é模").ok();
+        }
         play(&mut scene);
         for character in "SN 12qynYN/é模".chars() {
             let key = if character == ' ' { Key::Pasted(' ') } else { Key::Char(character) };

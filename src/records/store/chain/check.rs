@@ -107,7 +107,7 @@ impl ChainBook {
                     if chain.broken > 0 {
                         book.broken.push(format!(
                             "{}: {} lines do not belong to a chain",
-                            chain.path.display(),
+                            gnc_text::shown_path(&chain.path),
                             chain.broken
                         ));
                     }

@@ -1,5 +1,6 @@
 //! Rows as they were read: values by columns, and where captures begin.
 
+use std::collections::HashSet;
 use std::ops::Range;
 
 /// Values read so far from a file or from a piece of it.
@@ -14,6 +15,8 @@ pub(super) struct Gathered {
     pub(super) captures: Vec<(usize, String)>,
     /// Names of captures that were skipped.
     pub(super) others: Vec<String>,
+    /// The same names, to find one among many.
+    pub(super) passed_over: HashSet<Vec<u8>>,
     pub(super) rows: usize,
 }
 
@@ -40,7 +43,8 @@ impl Gathered {
 
     /// Notes a capture that was skipped.
     pub(super) fn pass_over(&mut self, name: &[u8]) {
-        if !self.others.iter().rev().any(|known| known.as_bytes() == name) {
+        if !self.passed_over.contains(name) {
+            self.passed_over.insert(name.to_owned());
             self.others.push(String::from_utf8_lossy(name).into_owned());
         }
     }

@@ -1,8 +1,10 @@
 //! Names of columns and their units, as headers write them: `w`, `W`, `w [deg/s]`, `w (dps)`, `w / (°/s)`, `w_dps`.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use gnc_executive::quantity::Unit;
+use gnc_text::shortened;
 
 use super::TableError;
 
@@ -51,6 +53,11 @@ const SUFFIXES: [(&str, &str); 22] = [
     ("s", "s"),
 ];
 
+/// Names of a header in a message; more hide what the message says. A bench has about a hundred channels.
+const NAMES_IN_MESSAGE: usize = 100;
+/// Characters of each.
+const NAME_IN_MESSAGE: usize = 60;
+
 /// Words for the counts of a converter.
 const COUNTS: [&str; 10] = ["lsb", "lsbs", "count", "counts", "cts", "digit", "digits", "adc", "raw", "code"];
 
@@ -64,8 +71,9 @@ impl Header {
     ) -> Result<Self, TableError> {
         let mut units = units.unwrap_or_default();
         units.resize(texts.len(), String::new());
+        let mut known = HashSet::with_capacity(texts.len());
         for (i, name) in texts.iter().enumerate() {
-            if !name.is_empty() && texts[..i].contains(name) {
+            if !name.is_empty() && !known.insert(name.as_str()) {
                 let column = 1 + texts[..i].iter().map(|t| t.len() + 1).sum::<usize>();
                 return Err(TableError::Doubled { path: path.to_owned(), line, column, name: name.clone() });
             }
@@ -107,8 +115,15 @@ impl Header {
             path: self.path.clone(),
             line: self.line,
             name: wanted.to_owned(),
-            header: self.names.iter().map(|n| n.text.as_str()).collect::<Vec<_>>().join(", "),
+            header: self.in_short(),
         })
+    }
+
+    /// The first names, for a message.
+    fn in_short(&self) -> String {
+        let names = self.names.iter().take(NAMES_IN_MESSAGE).map(|n| shortened(&n.text, NAME_IN_MESSAGE));
+        let names = names.collect::<Vec<_>>().join(", ");
+        if self.names.len() > NAMES_IN_MESSAGE { format!("{names}, …") } else { names }
     }
 
     /// The names as they stand in the header.
@@ -224,6 +239,18 @@ mod tests {
         check(&["X", "x"], "x", "r.csv:1:1: column `x` is ambiguous: it may be `X` or `x`");
         check(&["x [mg]", "x [deg/s]"], "x", "r.csv:1:1: column `x` is ambiguous: it may be `x [mg]` or `x [deg/s]`");
         check(&["y"], "x", "r.csv:1:1: no column `x`; the header has y");
+    }
+
+    /// As many names as the first bytes of a text can hold, and more. Each compared with all before it would take an hour.
+    #[test]
+    fn a_long_header_is_read_once() {
+        let mut texts: Vec<String> = (0..400_000).map(|k| format!("{k}\n")).collect();
+        let message =
+            Header::new(Path::new("r.csv"), 1, texts.clone(), None).unwrap().column("x").unwrap_err().to_string();
+        assert!(message.ends_with("98\\n, 99\\n, …"), "{}", message.len());
+        texts.push("399999\n".to_owned());
+        let doubled = Header::new(Path::new("r.csv"), 1, texts, None).unwrap_err();
+        assert!(matches!(&doubled, TableError::Doubled { name, .. } if name == "399999\n"), "{doubled}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! The header is a Python literal (NEP 1): `{'descr': '<f8', 'fortran_order': False, 'shape': (100, 3), }`. There
 //! `descr` is a type or a list of names and types.
 
+use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -131,15 +132,17 @@ impl Array {
             _ => Cells::Numbers { values: Vec::new(), missing: Vec::new() },
         };
         let mut cells: Vec<Cells> = self.fields.iter().map(empty).collect();
+        let mut known: Vec<HashMap<String, u32>> = vec![HashMap::new(); self.fields.len()];
         let mut put = |column: usize, bytes: &[u8]| match &mut cells[column] {
             Cells::Numbers { values, .. } => values.push(self.fields[column].number(bytes)),
             Cells::Texts { names, codes } => {
                 let text = self.fields[column].text(bytes);
-                let code = names.iter().rposition(|name| *name == text).unwrap_or(names.len());
-                if code == names.len() {
-                    names.push(text);
-                }
-                codes.push(code as u32);
+                let next = names.len() as u32;
+                let code = *known[column].entry(text).or_insert_with_key(|text| {
+                    names.push(text.clone());
+                    next
+                });
+                codes.push(code);
             }
         };
         if self.by_columns {

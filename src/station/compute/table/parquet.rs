@@ -14,6 +14,7 @@ use super::columns::{ColumnPlan, Columns, Wanted};
 use super::names::Header;
 use super::number::{Decimal, Form};
 use super::sheet::{self, Cells};
+use super::source::{FREE_UNPACKED, MOST_UNPACKED};
 use super::{MOST_VALUES, ReadingOptions, TableError};
 
 /// Records that are read at once.
@@ -25,6 +26,7 @@ const MOST_TEXTS: usize = 1 << 16;
 pub(super) struct Sheet {
     path: PathBuf,
     reader: SerializedFileReader<File>,
+    file_bytes: u64,
     pub(super) header: Header,
     /// For each name its leaf column, and its unit of time in s if it holds time stamps.
     leaves: Vec<(usize, Option<f64>)>,
@@ -32,6 +34,7 @@ pub(super) struct Sheet {
 
 impl Sheet {
     pub(super) fn open(path: &Path, file: File) -> Result<Self, TableError> {
+        let file_bytes = file.metadata().map_err(|source| TableError::Io { path: path.to_owned(), source })?.len();
         let reader = SerializedFileReader::new(file).map_err(|e| damaged(path, &e))?;
         let schema = reader.metadata().file_metadata().schema_descr();
         let mut texts = Vec::new();
@@ -55,7 +58,7 @@ impl Sheet {
         let units =
             leaves.iter().map(|(_, unit)| if unit.is_some() { "s".to_owned() } else { String::new() }).collect();
         let header = Header::new(path, 1, texts, Some(units))?;
-        Ok(Self { path: path.to_owned(), reader, header, leaves })
+        Ok(Self { path: path.to_owned(), reader, file_bytes, header, leaves })
     }
 
     pub(super) fn read(
@@ -67,14 +70,49 @@ impl Sheet {
         let first_row: Vec<String> = (0..self.leaves.len()).map(|place| self.first(place)).collect();
         let form = Form::Known(Decimal::Point);
         let plan = ColumnPlan::new(&self.path, &self.header, (&first_row, form), wanted, reading, sensor)?;
+        self.check_size(plan.roles.iter().map(|(place, _)| *place))?;
         let rows = usize::try_from(self.reader.metadata().file_metadata().num_rows()).unwrap_or(usize::MAX);
         if rows.saturating_mul(plan.roles.len()) > MOST_VALUES {
             return Err(TableError::TooLarge { path: self.path.clone(), limit: MOST_VALUES });
         }
-        let cells =
-            plan.roles.iter().map(|(place, _)| self.cells(*place, usize::MAX)).collect::<Result<Vec<_>, _>>()?;
+        // A column of one value takes a few bytes in the file, however many rows it has.
+        let most_bytes = usize::try_from(Self::most_unpacked(self.file_bytes)).unwrap_or(usize::MAX);
+        let most_rows = most_bytes / size_of::<f64>() / plan.roles.len().max(1);
+        if rows > most_rows {
+            return Err(self.swollen());
+        }
+        let cells = |place| {
+            let cells = self.cells(place, most_rows.saturating_add(1))?;
+            if cells.len() > most_rows { Err(self.swollen()) } else { Ok(cells) }
+        };
+        let cells = plan.roles.iter().map(|(place, _)| cells(*place)).collect::<Result<Vec<_>, _>>()?;
         let gathered = sheet::gather(&self.path, &plan, &cells)?;
         plan.finish(gathered, &["Parquet".to_owned()])
+    }
+
+    fn most_unpacked(packed: u64) -> u64 {
+        FREE_UNPACKED.max(packed.saturating_mul(MOST_UNPACKED))
+    }
+
+    fn swollen(&self) -> TableError {
+        let what = format!("it unpacks to more than {MOST_UNPACKED} times its size, so it is not a record");
+        TableError::Damaged { path: self.path.clone(), what }
+    }
+
+    /// Refuses columns that unpack to more than a record of this size: pages are unpacked as a whole.
+    fn check_size(&self, places: impl Iterator<Item = usize>) -> Result<(), TableError> {
+        let groups = self.reader.metadata().row_groups();
+        for place in places {
+            let leaf = self.leaves[place].0;
+            for column in groups.iter().filter_map(|group| group.columns().get(leaf)) {
+                let sizes = [column.uncompressed_size(), column.compressed_size()];
+                let [unpacked, packed] = sizes.map(|size| u64::try_from(size).unwrap_or(u64::MAX));
+                if unpacked > Self::most_unpacked(packed) {
+                    return Err(self.swollen());
+                }
+            }
+        }
+        Ok(())
     }
 
     /// The first cell of a column as text; empty if it cannot be read.

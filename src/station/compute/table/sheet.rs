@@ -17,7 +17,7 @@ pub(super) enum Cells {
 }
 
 impl Cells {
-    fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         match self {
             Self::Numbers { values, .. } => values.len(),
             Self::Texts { codes, .. } => codes.len(),

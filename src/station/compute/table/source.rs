@@ -14,9 +14,9 @@ use super::TableError;
 /// Bytes that decide the kind of a file.
 const SNIFFED: usize = 4096;
 /// Largest ratio of unpacked to packed bytes: records need 3 to 20, a column of zeros 200. Deflate can reach 1030.
-const MOST_UNPACKED: u64 = 400;
+pub(super) const MOST_UNPACKED: u64 = 400;
 /// Number of unpacked bytes that are always accepted.
-const FREE_UNPACKED: u64 = 64 << 20;
+pub(super) const FREE_UNPACKED: u64 = 64 << 20;
 
 /// A slip of a serial line may leave one control character in this many bytes, and a few in a short file. A text has no
 /// more of them.

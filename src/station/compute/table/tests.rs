@@ -275,6 +275,31 @@ fn arrays_of_numpy() {
     assert!(matches!(array(huge, &["0"]), Err(TableError::TooLarge { .. })));
 }
 
+/// A column of one value: 9 million rows in a few kilobytes, which would be 72 MB, and so on without an end.
+#[test]
+fn parquet_that_unpacks_to_much_is_refused() {
+    use ::parquet::data_type::DoubleType;
+    use ::parquet::file::{properties::WriterProperties, writer::SerializedFileWriter};
+    let schema = ::parquet::schema::parser::parse_message_type("message m { required double x; }").unwrap();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let written = WriterProperties::builder().set_data_page_row_count_limit(1 << 24).build();
+    let mut out = SerializedFileWriter::new(file.reopen().unwrap(), schema.into(), written.into()).unwrap();
+    let rows = vec![1.0; 1_000_000];
+    for _ in 0..9 {
+        let mut group = out.next_row_group().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<DoubleType>().write_batch(&rows, None, None).unwrap();
+        column.close().unwrap();
+        group.close().unwrap();
+    }
+    out.close().unwrap();
+    assert!(file.path().metadata().unwrap().len() < 10_000);
+    let wanted = Wanted { numbers: &["x"], rate_hz: Some(100.0), ..Wanted::default() };
+    let opened = RecordTable::open(file.path(), &ReadingOptions::default()).unwrap();
+    let refusal = opened.read(&wanted, None).unwrap_err().to_string();
+    assert!(refusal.ends_with("it unpacks to more than 400 times its size, so it is not a record"), "{refusal}");
+}
+
 /// Columns of whole numbers in both lengths and of floats, with empty cells, are read alike.
 #[test]
 fn parquet_of_every_type() {

@@ -11,6 +11,7 @@ use gnc_executive::standing::{Flaw, Seal};
 use gnc_executive::verdict::Verdict;
 use gnc_records::standing::Seals;
 use gnc_records::store::reader::FoundRun;
+use gnc_text::printable;
 use serde::Serialize;
 
 /// Between several names in one cell.
@@ -175,9 +176,11 @@ fn of_system(error: csv::Error) -> io::Error {
 }
 
 /// A text that a spreadsheet shows as it is. One that a spreadsheet would calculate or shorten has an apostrophe before
-/// it, which makes it a text everywhere.
+/// it, which makes it a text everywhere. A row stays one line, and each character shows itself.
 fn safe(text: &str) -> String {
-    if text.starts_with(FORMULA) || is_number_like(text) { format!("'{text}") } else { text.to_owned() }
+    let is_formula = text.starts_with(FORMULA);
+    let text = &*printable(text);
+    if is_formula || text.starts_with(FORMULA) || is_number_like(text) { format!("'{text}") } else { text.to_owned() }
 }
 
 /// Whether a spreadsheet may take the text for a number, a date, a time or a truth: it would show `0012` as 12.
@@ -226,7 +229,7 @@ mod tests {
             "1.0",
             "(5)",
         ] {
-            assert_eq!(safe(text), format!("'{text}"), "{text}");
+            assert_eq!(safe(text), format!("'{}", printable(text)), "{text}");
         }
         for text in [
             "",
@@ -261,6 +264,7 @@ mod tests {
         let mut table = csv::Writer::from_writer(Vec::new());
         line.write(&mut table).unwrap();
         let text = String::from_utf8(table.into_inner().unwrap()).unwrap();
-        assert!(text.contains("\"a,\"\"b\"\"\nc\""), "{text}");
+        assert!(text.contains("\"a,\"\"b\"\"\\nc\""), "{text}");
+        assert_eq!(text.lines().count(), 1);
     }
 }

@@ -126,6 +126,7 @@ pub(super) static TEXTS: Texts = Texts {
     scanner_back: "The scanner at {} is there again.",
     scan_invisible: "A character that nobody sees ({}) was scanned: scan again, or type it.",
     scan_layout: "{}: the scanner types in another layout. Switch to English, scan again.",
+    scan_sign: "{}: {} ({}) is not allowed. Scan again, or write it into serial_number of the bench.",
     scan_fields: "Scan the number's own code; this one has several fields: {}",
     scan_cut: "This scan has no line end, those before had: compare {}, then press Enter.",
     not_used: "{} is not used. {}",

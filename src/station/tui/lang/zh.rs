@@ -127,6 +127,7 @@ pub(super) static TEXTS: Texts = Texts {
     scanner_back: "{} 上的扫描枪已恢复。",
     scan_invisible: "扫描内容含有看不见的字符（{}）：请重新扫描，或手工输入。",
     scan_layout: "{}：扫描枪使用了其他键盘布局。请切换到英文，再重新扫描。",
+    scan_sign: "{}：不允许字符 {}（{}）。请重新扫描，或把它写入台架文件的 serial_number。",
     scan_fields: "请只扫描序列号的码。此码含有多个字段：{}",
     scan_cut: "本次扫描没有行结束符，之前的有：请核对 {}，再按 Enter。",
     not_used: "未采用 {}。{}",

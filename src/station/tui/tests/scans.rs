@@ -187,18 +187,20 @@ fn a_scan_ends_watching() {
     assert_eq!(scene.tell(Msg::WatchOver { why: None }), look_up("SN-0001"));
 }
 
+/// A screen whose bench and plan have these patterns.
+fn with_patterns(bench: Option<&str>, plan: Option<&str>) -> Scene {
+    let pattern = |text: &str| SerialNumberPattern::new(text).expect("a pattern");
+    let mut scene = scene(Lang::En);
+    let (Loaded::Ready(of_bench), Loaded::Ready(of_plan)) = (&mut scene.model.bench, &mut scene.model.plan) else {
+        panic!("they are read");
+    };
+    (of_bench.serial_number, of_plan.serial_number) = (bench.map(pattern), plan.map(pattern));
+    scene
+}
+
 /// The patterns of bench and plan hold for scans, typed numbers and the number of the command line.
 #[test]
 fn numbers_that_do_not_fit_are_told() {
-    let with_patterns = |bench: Option<&str>, plan: Option<&str>| {
-        let pattern = |text: &str| SerialNumberPattern::new(text).expect("a pattern");
-        let mut scene = scene(Lang::En);
-        let (Loaded::Ready(of_bench), Loaded::Ready(of_plan)) = (&mut scene.model.bench, &mut scene.model.plan) else {
-            panic!("they are read");
-        };
-        (of_bench.serial_number, of_plan.serial_number) = (bench.map(pattern), plan.map(pattern));
-        scene
-    };
     for (bench, plan) in [(Some("SN-[0-9]{4}"), None), (None, Some("SN-[0-9]{4}")), (Some("S.*"), Some("SN-[0-9]{4}"))]
     {
         let mut scene = with_patterns(bench, plan);
@@ -238,6 +240,24 @@ fn numbers_that_do_not_fit_are_told() {
     assert_eq!(scene.scans("БИНС-12\r"), look_up("БИНС-12"));
     assert_eq!(scene.scans("ЫТ-12\r"), None);
     assert!(scene.text().contains("another layout"), "{}", scene.text());
+}
+
+/// A number is printable ASCII. What else was scanned or typed is named, unless a pattern names it. A pattern that takes anything
+/// names nothing.
+#[test]
+fn a_sign_beyond_ascii_is_named() {
+    for (pattern, number, code) in
+        [(None, "SN-é1", "U+00E9"), (Some(".+"), "SN-µ1", "U+00B5"), (Some("SN-[0-9]"), "SN-\u{301}1", "U+0301")]
+    {
+        let mut scene = with_patterns(pattern, None);
+        assert_eq!(scene.scans(&format!("{number}\r")), None);
+        assert!(scene.text().contains(code) && scene.text().contains("not allowed"), "{}", scene.text());
+        scene.types(number);
+        assert_eq!(scene.key(Key::Enter), None, "{number}");
+        assert_eq!(scene.model.scan.current, None);
+    }
+    let mut scene = with_patterns(Some("[A-Z]+№[0-9]+"), None);
+    assert_eq!(scene.scans("SN№1\r"), look_up("SN№1"));
 }
 
 /// The scanner at the serial port is told once when it goes and once when it is back.

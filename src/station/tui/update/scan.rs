@@ -25,10 +25,10 @@ pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) -> Option<Effect>
     let number = match framing::number(&before, scanned) {
         // A code of several fields, one of which is what the pattern asks for.
         read if let Some(number) = own_field(model, &before, scanned, read.as_deref().ok()) => Ok(number),
-        // A pattern that asks for other letters knows better.
+        // A pattern that names other letters knows better.
         Ok(number)
             if framing::is_other_layout(&number)
-                && !is_asked_for(model, &number)
+                && SerialNumberPattern::not_allowed(&number, patterns(model)).is_some()
                 && numbers::fitting(model, &number).is_none() =>
         {
             Err(ScanProblem::Layout(number))
@@ -280,6 +280,9 @@ fn other_number(model: &ScreenModel, number: &str) -> Option<NumberField> {
 
 /// Why a number is none of this bench or this plan.
 pub(super) fn misfit(model: &ScreenModel, number: &str) -> Option<String> {
+    if let Err(error) = serial_number::check_signs(number, patterns(model)) {
+        return Some(in_words(model, &error));
+    }
     let pattern = patterns(model).find(|pattern| !pattern.fits(number))?.to_string();
     let [number, pattern] = [number, &pattern].map(|text| gnc_text::printable(text).into_owned());
     Some(words(model.texts.scan_misfit, &[&number, &pattern]))
@@ -307,6 +310,10 @@ fn in_words(model: &ScreenModel, error: &SerialNumberError) -> String {
         SerialNumberError::Invisible { character, .. } => invisible(model, *character),
         SerialNumberError::Fields { fields } => words_of(model, &ScanProblem::Fields(fields.clone())),
         SerialNumberError::Layout { text } => words_of(model, &ScanProblem::Layout(text.clone())),
+        SerialNumberError::Sign { text, sign } => {
+            let shown = [text.clone(), sign.to_string()].map(|text| gnc_text::printable(&text).into_owned());
+            words(model.texts.scan_sign, &[&shown[0], &shown[1], &format!("U+{:04X}", *sign as u32)])
+        }
     }
 }
 

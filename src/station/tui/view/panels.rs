@@ -98,7 +98,7 @@ pub(super) fn product(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     }
     let folder = model.run.as_ref().and_then(|run| run.folder.as_ref());
     if let Some(folder) = folder.filter(|_| roomy) {
-        lines.push(line(texts.record_in, &text::shown(&folder.display().to_string()), style::faint()));
+        lines.push(line(texts.record_in, &text::shown(&gnc_text::shown_path(folder)), style::faint()));
     }
     text::lines(frame, lines, inner);
 }

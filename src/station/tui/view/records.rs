@@ -49,7 +49,7 @@ fn days(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
     let block = block_in(&format!("{}: {}", texts.records, texts.days), area);
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    let folder = model.bench.ready().map(|bench| bench.records.display().to_string()).unwrap_or_default();
+    let folder = model.bench.ready().map(|bench| gnc_text::shown_path(&bench.records)).unwrap_or_default();
     let say = |words: String| Line::styled(words, style::faint());
     let lines = match (&records.days, &records.error) {
         (_, Some(error)) => {
