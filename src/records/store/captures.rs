@@ -1,6 +1,5 @@
 //! Captures of a run, read back from its folder.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::{StoreError, digest, item_folder, raw_file};
@@ -38,6 +37,6 @@ pub fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
 /// [`CapturesError`].
 pub fn read(path: &Path) -> Result<RawRecord, CapturesError> {
     let in_words = |source| CapturesError { path: path.to_owned(), source };
-    let file = File::open(path).map_err(|error| in_words(error.into()))?;
+    let file = gnc_files::own(path).map_err(|error| in_words(error.into()))?;
     raw::read(file).map_err(in_words)
 }

@@ -2,13 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::fs::{self, File};
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest as _, Sha256};
 
 use super::{DIGESTS, PAPERS, SIGNATURE, StoreError, on};
+
+/// Longest list of digests: 20,000 items of a plan with some files each, and two hundred bytes for each.
+const MAX_DIGESTS_BYTES: u64 = 64 << 20;
 
 /// A SHA-256 as hexadecimal digits.
 #[must_use]
@@ -47,7 +50,7 @@ pub fn of_bytes(bytes: &[u8]) -> String {
 /// [`StoreError::File`].
 pub fn of_file(path: &Path) -> Result<String, StoreError> {
     let mut hasher = Sha256::new();
-    let mut file = on(File::open(path), "read", path)?;
+    let mut file = on(gnc_files::own(path), "read", path)?;
     on(io::copy(&mut file, &mut HashWriter(&mut hasher)), "read", path)?;
     Ok(hexadecimal(&hasher.finalize()))
 }
@@ -113,7 +116,7 @@ impl FileDigests {
     /// [`StoreError::File`].
     pub fn read(folder: &Path) -> Result<(Self, usize), StoreError> {
         let path = folder.join(DIGESTS);
-        let text = on(fs::read(&path), "read", &path)?;
+        let text = on(gnc_files::read_below(folder, Path::new(DIGESTS), MAX_DIGESTS_BYTES), "read", &path)?;
         let (mut sums, mut bad) = (BTreeMap::new(), 0);
         for line in String::from_utf8_lossy(&text).lines() {
             match line.split_once("  ") {
