@@ -41,6 +41,7 @@ pub use bench::{BenchOptions, LineTruth, SimulatedBench, Speed, Truth};
 pub use can::Adapter;
 pub use driver::{BenchControl, BenchGone, Cable, RunningBench, TurntableError};
 pub use fault_queue::Toll;
-pub use personality::{Expectation, Load, Personality, beside, boards};
+pub use gnc_files::Reach;
+pub use personality::{Expectation, LARGEST_FILE, Load, Personality, beside, boards};
 pub use turntable::{TableModel, TableRefusal, TableTruth};
 pub use world::{ModuleAxis, Sign};

@@ -228,11 +228,10 @@ mod table;
 mod wires;
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Read as _;
 use std::path::Path;
 
 use gnc_config::{Mistakes, SourceText, TomlTable};
+use gnc_files::{Reach, Refused, is_refused};
 
 use checks::{count, set, short_text, whole};
 use sensors::{ACCEL, GYRO, MAG, TriadAsRead};
@@ -466,18 +465,24 @@ impl PersonalityModel {
     }
 }
 
+/// Largest personality file that is read: such files are a page long.
+pub const LARGEST_FILE: u64 = 1 << 20;
+
 /// Reads a file that a personality names, or tells why it cannot.
 pub type Load<'a> = &'a mut dyn FnMut(&str) -> Result<Vec<u8>, String>;
 
-/// Reads files in the folder of the personality. It does not read a file to the end if it is longer than any use
-/// allows.
-pub fn beside(board: &Path) -> impl FnMut(&str) -> Result<Vec<u8>, String> {
+/// Reads files in the folder of the personality, and farther away if `reach` allows it. It does not read a file to the end
+/// if it is longer than any use allows.
+pub fn beside(board: &Path, reach: Reach) -> impl FnMut(&str) -> Result<Vec<u8>, String> {
     let folder = board.parent().unwrap_or(Path::new("")).to_owned();
     move |name| {
-        let mut bytes = Vec::new();
-        let file = File::open(folder.join(name)).map_err(|error| error.to_string())?;
-        file.take(LONGEST as u64 + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
-        Ok(bytes)
+        let read = gnc_files::named_beginning(&folder, &folder.join(name), reach, LONGEST as u64 + 1);
+        read.map_err(|error| match is_refused(&error) {
+            Some(Refused::Outside) => {
+                "it lies outside of the folder of the board's file, and only --allow-outside allows that".to_owned()
+            }
+            _ => error.to_string(),
+        })
     }
 }
 

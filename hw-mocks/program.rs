@@ -10,16 +10,14 @@ use std::sync::mpsc::{self, Sender};
 use std::time::Duration;
 
 use clap::Parser;
+use gnc_files::{Reach, Refused, is_refused};
 use gnc_rig::Along;
 use nix::sys::signal::{SigSet, Signal};
 
 use crate::bench::{BenchOptions, Speed, Truth};
 use crate::driver::{BenchGone, RunningBench, TurntableError};
-use crate::personality::{Personality, beside, boards};
+use crate::personality::{LARGEST_FILE, Personality, beside, boards};
 use crate::world::{ModuleAxis, Sign};
-
-/// Largest personality file that is read: such files are a page long.
-const LARGEST_FILE: u64 = 1024 * 1024;
 
 const HELP: &str = "\
 switch N on|off   set DIP switch N (1 to 5) on or off
@@ -66,6 +64,9 @@ struct Arguments {
     /// Put the CAN bus on this kernel interface; by default the bus is an slcan adapter on a pseudo-terminal.
     #[arg(long, value_name = "INTERFACE")]
     can: Option<String>,
+    /// Read also playbacks that lie outside of the folder of the board's file.
+    #[arg(long)]
+    allow_outside: bool,
     /// List the boards that come with the program, and end.
     #[arg(long)]
     boards: bool,
@@ -145,7 +146,7 @@ fn serve(arguments: &Arguments) -> Result<(), ProgramError> {
         return list_boards();
     }
     let options = BenchOptions {
-        personality: load(&arguments.board)?,
+        personality: load(&arguments.board, if arguments.allow_outside { Reach::Anywhere } else { Reach::Folder })?,
         serial_number: arguments.serial_number.clone(),
         seed: arguments.seed,
         speed: arguments.speed,
@@ -293,18 +294,18 @@ fn describe(truth: &Truth) -> String {
     )
 }
 
-fn load(name: &str) -> Result<Personality, ProgramError> {
+fn load(name: &str, reach: Reach) -> Result<Personality, ProgramError> {
     let path = Path::new(name);
     if !path.exists() {
         return Personality::named(name).ok_or_else(|| ProgramError::Unknown { name: name.to_owned() });
     }
     let unreadable = |source| ProgramError::Read { path: path.to_owned(), source };
-    if std::fs::metadata(path).map_err(unreadable)?.len() > LARGEST_FILE {
-        return Err(ProgramError::Large { path: path.to_owned() });
-    }
-    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    let text = gnc_files::text(path, LARGEST_FILE).map_err(|error| match is_refused(&error) {
+        Some(Refused::TooLong { .. }) => ProgramError::Large { path: path.to_owned() },
+        _ => unreadable(error),
+    })?;
     let stem = path.file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into_owned());
-    Ok(Personality::with_files(&stem, &text, &mut beside(path))?)
+    Ok(Personality::with_files(&stem, &text, &mut beside(path, reach))?)
 }
 
 fn list_boards() -> Result<(), ProgramError> {

@@ -38,7 +38,8 @@ fn failed(record: &Value, item: &str) -> Vec<String> {
 fn check(receiver: &Path) -> Option<String> {
     let name = receiver.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let text = std::fs::read_to_string(receiver).expect("a receiver");
-    let personality = Personality::with_files(&name, &text, &mut beside(receiver)).expect("a personality");
+    let personality =
+        Personality::with_files(&name, &text, &mut beside(receiver, hw_mocks::Reach::Folder)).expect("a personality");
     let expected = personality.expect.get("functional").expect("what it expects of the plan");
     let place = Place::new(STATION);
     let sim = format!("--sim={}", receiver.display());

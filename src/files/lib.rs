@@ -7,5 +7,7 @@
 mod open;
 mod part;
 
-pub use open::{Refused, below, is_refused, open, read, read_beginning, read_below, text};
-pub use part::{PART, Part};
+pub use open::{
+    Reach, Refused, below, is_refused, named, named_beginning, open, own, read, read_beginning, read_below, text,
+};
+pub use part::{PART, Part, create_new, put};

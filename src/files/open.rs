@@ -99,6 +99,54 @@ pub fn below(root: &Path, path: &Path) -> io::Result<File> {
     regular(opened.map_err(|error| at_link(&at, file, error.into()))?.into())
 }
 
+/// How far the files may lie that another file names.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Reach {
+    /// In the folder of that file, or below.
+    #[default]
+    Folder,
+    /// Wherever a person has allowed it.
+    Anywhere,
+}
+
+/// Opens a regular file that another file names for reading. It lies in `folder` or below. A link is followed as long as it
+/// ends there.
+///
+/// # Errors
+/// As [`open`]; [`Refused::Outside`].
+pub fn named(folder: &Path, path: &Path, reach: Reach) -> io::Result<File> {
+    if reach == Reach::Anywhere {
+        return open(path);
+    }
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let (root, real) = (here.canonicalize()?, path.canonicalize()?);
+    if !real.starts_with(&root) {
+        return Err(Refused::Outside.into());
+    }
+    let file = open(&real)?;
+    // A folder on the way may have become a link since.
+    if real.canonicalize()? == real { Ok(file) } else { Err(Refused::Outside.into()) }
+}
+
+/// Reads at most the first `limit` bytes of a file as [`named`] opens it.
+///
+/// # Errors
+/// As [`named`].
+pub fn named_beginning(folder: &Path, path: &Path, reach: Reach, limit: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    named(folder, path, reach)?.take(limit).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Opens a regular file that is no link itself. The folders on the way are those of the caller.
+///
+/// # Errors
+/// As [`below`].
+pub fn own(path: &Path) -> io::Result<File> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+    below(folder, Path::new(path.file_name().unwrap_or_default()))
+}
+
 /// The error of an entry that could not be opened: a link in its place, or what the system said.
 fn at_link(folder: &File, name: &std::ffi::OsStr, error: io::Error) -> io::Error {
     use nix::sys::stat::{SFlag, fstatat};

@@ -89,6 +89,39 @@ impl Drop for Part {
     }
 }
 
+/// Writes a file that a person named: complete under its name, or not there. The file of a link is replaced, not the link.
+/// A pipe, a terminal or another device, and a standard stream of this program by its name in `/dev` or `/proc`, is written
+/// to as it is.
+///
+/// # Errors
+/// The error of the system.
+pub fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let is_stream = path.starts_with("/dev") || path.starts_with("/proc");
+    match path.metadata() {
+        Ok(meta) if meta.is_dir() => Err(crate::Refused::Folder.into()),
+        Ok(meta) if is_stream || !meta.is_file() => {
+            let mut stream = OpenOptions::new().write(true).custom_flags(OFlag::O_NOCTTY.bits()).open(path)?;
+            stream.write_all(bytes)?;
+            stream.flush()
+        }
+        _ => {
+            let place = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+            let mut part = Part::create(&place)?;
+            part.write_all(bytes)?;
+            part.sync()?;
+            part.place()
+        }
+    }
+}
+
+/// Makes a file for writing that is not there yet; a link of its name is in the way, too.
+///
+/// # Errors
+/// The error of the system.
+pub fn create_new(path: &Path) -> io::Result<File> {
+    OpenOptions::new().write(true).create_new(true).open(path)
+}
+
 #[cfg(test)]
 mod tests {
     use std::os::unix::fs::symlink;
@@ -111,6 +144,31 @@ mod tests {
         part.place().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"whole");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    /// `--plot /dev/stdout` and a pipe to another program are of use; a link to the file of yesterday stays a link.
+    #[test]
+    fn what_a_person_named_is_written() {
+        use std::io::Read as _;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("real"), "old and longer").unwrap();
+        symlink("real", at("link")).unwrap();
+        put(&at("link"), b"new").unwrap();
+        assert_eq!(fs::read(at("real")).unwrap(), b"new");
+        assert!(at("link").is_symlink());
+        put(&at("fresh"), b"new").unwrap();
+        put(Path::new("/dev/null"), b"gone").unwrap();
+        nix::unistd::mkfifo(&at("pipe"), nix::sys::stat::Mode::S_IRWXU).unwrap();
+        let mut reader = OpenOptions::new().read(true).custom_flags(OFlag::O_NONBLOCK.bits()).open(at("pipe")).unwrap();
+        put(&at("pipe"), b"through").unwrap();
+        let mut read = Vec::new();
+        reader.read_to_end(&mut read).unwrap();
+        assert_eq!(read, b"through");
+        assert!(put(folder.path(), b"").is_err());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4, "no part is left");
+        symlink("nowhere", at("dangling")).unwrap();
+        assert!(create_new(&at("dangling")).is_err());
     }
 
     #[test]

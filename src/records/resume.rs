@@ -7,7 +7,6 @@
 //!
 //! An interrupted run may have taken up another one before. What it did not come to take over is taken from there.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset, TimeDelta};
@@ -25,6 +24,9 @@ use crate::store::captures::{self, CapturesError};
 use crate::store::chain::{self, ChainStanding};
 use crate::store::reader::{self, ReadError};
 use crate::store::{self, DIGESTS, JOURNAL, digest};
+
+/// Longest journal of a run that is taken up again, as for each journal that is read.
+const MAX_JOURNAL_BYTES: u64 = 1 << 30;
 
 /// Largest number of runs, each of which took up the one before, that are searched for captures.
 const MAX_EARLIER: usize = 20;
@@ -203,7 +205,7 @@ impl Resumed {
         let state = reader::fold(folder).map_err(ResumeError::Unreadable)?;
         let path = folder.join(JOURNAL);
         let unreadable = |source| ResumeError::Unreadable(ReadError::File { path: path.clone(), source });
-        let journal = fs::read(&path).map_err(unreadable)?;
+        let journal = gnc_files::read_below(folder, Path::new(JOURNAL), MAX_JOURNAL_BYTES).map_err(unreadable)?;
         let was = state.header().ok_or(ResumeError::Unreadable(ReadError::Empty))?;
         same("the plan with the digest", &was.plan.sha256, like.plan_sha256)?;
         same("the serial number", &was.serial_number, like.serial_number)?;
@@ -368,7 +370,7 @@ fn folder_of(run: &Path, earlier: &EarlierRun) -> Option<PathBuf> {
         modules.iter().map(|module| day.join(module).join(&earlier.run)).collect::<Vec<_>>()
     };
     days.into_iter().rev().flat_map(of_day).find(|folder| {
-        fs::read(folder.join(JOURNAL))
+        gnc_files::read_below(folder, Path::new(JOURNAL), MAX_JOURNAL_BYTES)
             .is_ok_and(|journal| digest::hexadecimal(&Sha256::digest(&journal)) == earlier.journal_sha256)
     })
 }

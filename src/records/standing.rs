@@ -8,7 +8,6 @@
 mod apart;
 
 use std::collections::HashMap;
-use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -34,6 +33,8 @@ const MAX_COUNTED: usize = 10_000;
 /// judged without a bound: old failures must not disappear behind many harmless runs.
 const MAX_NAMED: usize = 50;
 
+/// Longest record of a run: that of a calibration has some megabytes, and the largest plan 20,000 items.
+const MAX_RECORD_BYTES: u64 = 256 << 20;
 /// Longest first line of a journal: it names all items of a plan, at most 20,000.
 const MAX_FIRST_LINE: u64 = 16 << 20;
 
@@ -102,7 +103,7 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
     for day in reader::day_names(records)? {
         let date = NaiveDate::parse_from_str(&day, "%Y-%m-%d");
         let in_time = date.is_ok_and(|date| days.contains(&date));
-        for name in names.iter().filter(|name| records.join(&day).join(name).is_dir()) {
+        for name in names.iter().filter(|name| is_own_folder(&records.join(&day).join(name))) {
             let runs = seals.day(&day)?.of_module(name);
             closed.extend(runs.map(|(number, run)| (number, in_time, records.join(run))));
         }
@@ -328,9 +329,14 @@ struct ItemHead {
     outcome: Outcome,
 }
 
+/// Whether a path is a folder and no link to one: no run counts that lies elsewhere.
+fn is_own_folder(path: &Path) -> bool {
+    path.symlink_metadata().is_ok_and(|meta| meta.is_dir())
+}
+
 /// What the record of a run says; `None` if it has none, or a damaged one.
 fn facts(folder: &Path) -> Option<RunFacts> {
-    let bytes = fs::read(folder.join(RECORD)).ok()?;
+    let bytes = gnc_files::read_below(folder, Path::new(RECORD), MAX_RECORD_BYTES).ok()?;
     let head: RecordHead = serde_json::from_slice(&bytes).ok()?;
     let outcome = head.outcome.or(head.selection_outcome)?;
     Some(RunFacts {
@@ -351,7 +357,7 @@ fn facts(folder: &Path) -> Option<RunFacts> {
 /// What the first line of a journal says of a run that has no record, or a damaged one.
 fn begun(folder: &Path) -> Option<RunFacts> {
     let mut line = Vec::new();
-    let journal = BufReader::new(File::open(folder.join(JOURNAL)).ok()?);
+    let journal = BufReader::new(gnc_files::own(&folder.join(JOURNAL)).ok()?);
     journal.take(MAX_FIRST_LINE).read_until(b'\n', &mut line).ok()?;
     let event: Event = serde_json::from_slice(&line).ok()?;
     let EventKind::RunStarted { header, .. } = event.kind else { return None };

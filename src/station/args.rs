@@ -8,6 +8,7 @@ use clap::{Args, Subcommand};
 use gnc_executive::part::{PartName, unfit};
 use gnc_executive::plan::OnFail;
 use gnc_executive::quantity::{Dimension, Quantity, Unit};
+use gnc_files::Reach;
 use gnc_text::quoted;
 
 use crate::exit_code::Strictness;
@@ -135,6 +136,10 @@ pub(crate) struct RunArgs {
     /// Ends with exit code 6 instead of 0 if the module is marginal.
     #[arg(long)]
     pub strict: bool,
+    /// Reads also the includes, pictures and playbacks that lie outside of the folder of the plan, or of the board, that names
+    /// them.
+    #[arg(long)]
+    pub allow_outside: bool,
     /// Runs even if the clock is before the date of this program or of the newest record.
     #[arg(long)]
     pub clock_is_right: bool,
@@ -155,10 +160,20 @@ impl RunArgs {
         asked_part(self.part.as_deref(), self.revision.as_deref())
     }
 
+    /// How far files may lie that a plan or a simulated module names.
+    pub(crate) fn reach(&self) -> Reach {
+        reach(self.allow_outside)
+    }
+
     /// Whether a marginal module has an exit code of its own.
     pub(crate) fn strictness(&self) -> Strictness {
         if self.strict { Strictness::Strict } else { Strictness::Lenient }
     }
+}
+
+/// How far files may lie that another file names.
+pub(crate) fn reach(allow_outside: bool) -> Reach {
+    if allow_outside { Reach::Anywhere } else { Reach::Folder }
 }
 
 /// A part number and a revision as people give them, without the white space around them that some scanners add.

@@ -32,7 +32,7 @@ use crate::serial_number::SerialNumberError;
 use crate::setup::{self, BenchHabits, Setup};
 use crate::tui::framing;
 use crate::version::program;
-use crate::{exit_code, files, records, serial_number};
+use crate::{ending, exit_code, files, records, serial_number, threads, umask};
 use face::Face;
 pub(crate) use junit::JunitFile;
 use speaker::Speaker;
@@ -66,9 +66,12 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
 }
 
 fn carry_out(args: &RunArgs, junit: Option<&mut JunitFile>) -> Result<Verdict, CommandRefusal> {
+    if let Some((what, try_this)) = umask::doubt() {
+        complain(what, try_this);
+    }
+    // First of all: a simulated bench takes one of these threads.
+    let runtime = threads::runtime()?;
     let (request, setup, habits) = prepare(args)?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.map_err(|error| CommandRefusal::new(format_args!("cannot start: {error}"), ""))?;
     let verdict = runtime.block_on(all_rounds(args, &request, setup, &habits, junit));
     // The thread that reads answers may wait for a line for ever.
     runtime.shutdown_background();
@@ -85,7 +88,7 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
     // Only bench and plan can tell whether one of several fields is meant.
     let whole = if field.is_none() { Ok(whole?) } else { whole };
     let path = args.auto.as_deref().unwrap_or_else(|| Path::new(""));
-    let plan = files::plan(path)?;
+    let plan = files::plan(path, args.reach())?;
     let bench = setup::check(args)?;
     let patterns = || [&bench.serial_number, &plan.plan().serial_number].into_iter().flatten();
     let is_asked_for = |number: &String| serial_number::is_asked_for(number, patterns());
@@ -162,8 +165,10 @@ pub(crate) async fn all_rounds(
     habits: &BenchHabits,
     junit: Option<&mut JunitFile>,
 ) -> Result<Verdict, CommandRefusal> {
-    let control = RunControl::from_signals()
-        .map_err(|error| CommandRefusal::new(format!("cannot watch for ctrl-C: {error}"), ""))?;
+    let cannot = |error: io::Error| CommandRefusal::new(format!("cannot watch for ctrl-C: {error}"), "");
+    let control = RunControl::from_signals().map_err(cannot)?;
+    let asked = control.clone();
+    ending::at_second_signal(move || asked.asked().times >= 2, || {}).map_err(cannot)?;
     // The simulated bench ends with this scope.
     let Setup { equipment, simulation: _simulation } = setup;
     let live = Live::default();

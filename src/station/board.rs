@@ -109,6 +109,8 @@ fn check(args: &CheckArgs, line: &BoardLine) -> Result<Result<Ended, NoBoard>, C
             Link::open(&line.target).map_err(|error| CommandRefusal::new(with_causes(&error), error.try_this()))?;
         let (stop, stopped) = watch::channel(false);
         heed_signals(stop).map_err(system)?;
+        // Nothing of a check must be closed.
+        crate::ending::at_second_signal(|| false, || {}).map_err(system)?;
         let options = CheckOptions {
             rate_bps: line.target.rate_bps(),
             // Two runs must not have a nonce in common, and no more: the hasher's chance is enough.

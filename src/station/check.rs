@@ -10,6 +10,7 @@ use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
 use gnc_executive::part::PartName;
 use gnc_executive::plan::Plan;
+use gnc_files::Reach;
 use gnc_text::printable;
 
 use crate::exit_code::USAGE;
@@ -18,23 +19,28 @@ use crate::wording::Lines;
 use crate::{files, setup};
 
 /// `part`: the module whose limits are shown.
-pub(crate) fn run(plans: &[PathBuf], bench: Option<&Path>, sim: bool, part: Option<&PartName>) -> ExitCode {
+pub(crate) fn run(
+    plans: &[PathBuf],
+    (bench, sim): (Option<&Path>, bool),
+    part: Option<&PartName>,
+    reach: Reach,
+) -> ExitCode {
     match abilities(bench, sim) {
-        Ok(abilities) => check(plans, abilities, part, &mut Lines::to_stdout()),
+        Ok(abilities) => check((plans, reach), abilities, part, &mut Lines::to_stdout()),
         Err(refusal) => refuse(refusal.what, &refusal.try_this),
     }
 }
 
 /// Checks plans against a bench, if there is one, and says what it finds.
 fn check(
-    plans: &[PathBuf],
+    (plans, reach): (&[PathBuf], Reach),
     abilities: Option<BenchAbilities>,
     part: Option<&PartName>,
     out: &mut Lines<impl Write>,
 ) -> ExitCode {
     let mut wrong = 0;
     for path in plans {
-        match about(path, abilities, part) {
+        match about(path, reach, abilities, part) {
             Ok(said) => {
                 for (name, sentence) in said {
                     match name {
@@ -59,8 +65,13 @@ fn check(
 type Said = (Option<String>, String);
 
 /// What is to be said of a plan without mistakes.
-fn about(path: &Path, abilities: Option<BenchAbilities>, part: Option<&PartName>) -> Result<Vec<Said>, CommandRefusal> {
-    let plan = files::plan(path)?;
+fn about(
+    path: &Path,
+    reach: Reach,
+    abilities: Option<BenchAbilities>,
+    part: Option<&PartName>,
+) -> Result<Vec<Said>, CommandRefusal> {
+    let plan = files::plan(path, reach)?;
     let plan = plan.plan();
     let limits = part.map(|part| limits(plan, part)).transpose()?;
     let remark = match abilities {

@@ -72,6 +72,9 @@ enum Command {
         /// Judges the run by this plan instead, and writes the result to a new folder beside the run.
         #[arg(long, value_name = "FILE")]
         plan: Option<PathBuf>,
+        /// Reads also the includes that lie outside of the plan's folder.
+        #[arg(long, requires = "plan")]
+        allow_outside: bool,
         #[command(flatten)]
         records: RecordsArgs,
     },
@@ -128,6 +131,9 @@ pub(crate) enum PlanCommand {
         /// The hardware revision of that module; `-` for none.
         #[arg(long, value_name = "REV", requires = "part", allow_hyphen_values = true)]
         revision: Option<String>,
+        /// Reads also the includes and pictures that lie outside of the plan's folder.
+        #[arg(long)]
+        allow_outside: bool,
     },
 }
 
@@ -186,13 +192,19 @@ pub fn main() -> ExitCode {
         Some(Command::Board { what }) => crate::board::run(&what),
         Some(Command::Ports) => crate::ports::run(),
         Some(Command::Doctor { bench, records }) => crate::doctor::run(bench.as_deref(), records.as_deref()),
-        Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim, part, revision } }) => {
+        Some(Command::Plan { what: PlanCommand::Check { plans, bench, sim, part, revision, allow_outside } }) => {
             match crate::args::asked_part(part.as_deref(), revision.as_deref()) {
-                Ok(part) => crate::check::run(&plans, bench.as_deref(), sim, part.as_ref()),
+                Ok(part) => {
+                    let reach = crate::args::reach(allow_outside);
+                    crate::check::run(&plans, (bench.as_deref(), sim), part.as_ref(), reach)
+                }
                 Err(refusal) => crate::refusal::refuse(refusal.what, &refusal.try_this),
             }
         }
-        Some(Command::Recompute { run, plan, records }) => crate::recompute::run(&run, &records, plan.as_deref()),
+        Some(Command::Recompute { run, plan, allow_outside, records }) => {
+            let plan = plan.as_deref().map(|plan| (plan, crate::args::reach(allow_outside)));
+            crate::recompute::run(&run, &records, plan)
+        }
         Some(Command::Export { run, format, out, records }) => {
             crate::export::run(&run, &records, format, out.as_deref())
         }

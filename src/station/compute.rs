@@ -195,7 +195,7 @@ pub(crate) fn run(args: &Args) -> ExitCode {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), ComputeError> {
-    std::fs::write(path, text).map_err(|source| ComputeError::Write { path: path.to_owned(), source })
+    gnc_files::put(path, text.as_bytes()).map_err(|source| ComputeError::Write { path: path.to_owned(), source })
 }
 
 /// Prints for programs. A reader that closed the pipe (`| head`) is not an error.

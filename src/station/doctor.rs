@@ -149,6 +149,7 @@ pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys, proc
     findings.extend(place::disk(&records));
     findings.push(place::clock(&records));
     findings.push(place::terminal());
+    findings.extend(crate::umask::doubt().map(|(what, mend)| Finding::warning(what, mend)));
     findings
 }
 

@@ -8,6 +8,9 @@ use gnc_executive::verdict::Verdict;
 /// A mistake on the command line, or a plan or bench file that is refused.
 pub(crate) const USAGE: u8 = 2;
 
+/// A person or a signal ended the run.
+pub(crate) const ABORTED: u8 = 4;
+
 /// Good items of a selection. A script must not take them for a pass of the module.
 const SELECTION: u8 = 5;
 
@@ -41,7 +44,7 @@ fn number(verdict: Verdict, strictness: Strictness) -> u8 {
         Some(Outcome::Passed | Outcome::Marginal) => 0,
         Some(Outcome::Failed) => 1,
         Some(Outcome::Errored | Outcome::Skipped | Outcome::NotRun) => 3,
-        Some(Outcome::Aborted) => 4,
+        Some(Outcome::Aborted) => ABORTED,
     }
 }
 

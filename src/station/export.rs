@@ -4,7 +4,7 @@ mod csv;
 mod parquet;
 mod table;
 
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -145,7 +145,7 @@ fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportEr
                 continue;
             }
             let path = out.join(format!("{item}-{attempt}{}.{}", kind.suffix(), format.extension()));
-            let file = on(File::create(&path), "create", &path)?;
+            let file = on(gnc_files::create_new(&path), "create", &path)?;
             let tables = captures.iter().map(|capture| SampleTable::of(capture, kind));
             match format {
                 Format::Csv => on(csv::write(file, kind, tables), "write", &path)?,

@@ -1,15 +1,14 @@
 //! Reads plans and bench files from the disk, and finds out whether they have changed since.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
-use std::io::{self, Read as _};
-use std::os::unix::fs::OpenOptionsExt as _;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use gnc_bench::service::CheckedPlan;
 use gnc_config::Mistakes;
 use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
 use gnc_executive::plan::{MAX_PLAN_BYTES, Plan, PlanItem};
+use gnc_files::{Reach, Refused, is_refused};
 use gnc_records::store::digest;
 use gnc_text::quoted;
 
@@ -17,27 +16,48 @@ use crate::refusal::CommandRefusal;
 
 /// Largest size of a picture: photographs of phones have 2 to 12 MiB.
 const MAX_PICTURE_BYTES: usize = 16 << 20;
+/// What is said of a file outside of the plan's folder. The hint of its place stands elsewhere.
+const OUTSIDE: &str = "it lies outside of the plan's folder, and only --allow-outside allows that";
 
 /// Reads and checks a plan with all that it includes, and with its pictures, whose digests it notes.
-pub(crate) fn plan(path: &Path) -> Result<CheckedPlan, CommandRefusal> {
-    checked(path, |plan| {
-        let read: BTreeMap<String, Result<String, PictureFileError>> =
-            pictures(&plan).map(|path| (path.to_owned(), picture_sha256(path))).collect();
+pub(crate) fn plan(path: &Path, reach: Reach) -> Result<CheckedPlan, CommandRefusal> {
+    checked(path, reach, |plan| {
+        let read: BTreeMap<String, Result<String, PictureFileError>> = pictures(&plan)
+            .map(|picture| {
+                (picture.to_owned(), named_picture(path, picture, reach).map(|bytes| digest::of_bytes(&bytes)))
+            })
+            .collect();
         let plan = plan.check(|item| picture_mistakes(item, &read))?;
         Ok(plan.with_pictures(|path| read.get(path).and_then(|read| read.as_ref().ok()).cloned()))
     })
 }
 
 /// The same for a plan that asks nobody: its limits judge what was answered before.
-pub(crate) fn plan_to_judge(path: &Path) -> Result<CheckedPlan, CommandRefusal> {
-    checked(path, Ok)
+pub(crate) fn plan_to_judge(path: &Path, reach: Reach) -> Result<CheckedPlan, CommandRefusal> {
+    checked(path, reach, Ok)
 }
 
-fn checked(path: &Path, look: impl Fn(Plan) -> Result<Plan, Mistakes>) -> Result<CheckedPlan, CommandRefusal> {
+fn checked(
+    path: &Path,
+    reach: Reach,
+    look: impl Fn(Plan) -> Result<Plan, Mistakes>,
+) -> Result<CheckedPlan, CommandRefusal> {
     let bytes = read(path, MAX_PLAN_BYTES).map_err(|error| cannot_read("plan", path, &error))?;
-    let mut load = |name: &str| read(Path::new(name), MAX_PLAN_BYTES).map_err(|error| error.to_string());
+    let mut load = |name: &str| {
+        let read = gnc_files::named_beginning(folder_of(path), Path::new(name), reach, one_more(MAX_PLAN_BYTES));
+        read.map_err(|error| if is_outside(&error) { OUTSIDE.to_owned() } else { error.to_string() })
+    };
     let plan = Plan::read(&path.to_string_lossy(), bytes, &mut load);
     plan.and_then(look).and_then(CheckedPlan::new).map_err(|mistakes| CommandRefusal::new(mistakes, ""))
+}
+
+/// The folder in which the files lie that a plan names: that of the plan with which a person began.
+fn folder_of(plan: &Path) -> &Path {
+    plan.parent().unwrap_or_else(|| Path::new(""))
+}
+
+fn is_outside(error: &io::Error) -> bool {
+    is_refused(error) == Some(Refused::Outside)
 }
 
 /// The paths of the pictures that a plan shows.
@@ -46,6 +66,7 @@ fn pictures(plan: &Plan) -> impl Iterator<Item = &str> {
     questions.filter_map(|question| question.picture.as_deref())
 }
 
+/// The digest of a picture now. Where it lies was looked at when the plan was checked.
 fn picture_sha256(path: &str) -> Result<String, PictureFileError> {
     picture(Path::new(path)).map(|bytes| digest::of_bytes(&bytes))
 }
@@ -63,6 +84,10 @@ fn picture_mistakes(
             PictureFileError::Missing => (
                 format!("the question {name} shows {path}, and there is no such file"),
                 "the path is relative to the plan's file",
+            ),
+            PictureFileError::Outside => (
+                format!("the question {name} shows {path}, which lies outside of the plan's folder"),
+                "put it beside the plan; or allow files of other folders with --allow-outside",
             ),
             PictureFileError::TooLarge => (
                 format!("the question {name} shows {path}, which has more than {} MiB", MAX_PICTURE_BYTES >> 20),
@@ -82,22 +107,28 @@ fn picture_mistakes(
 pub(crate) enum PictureFileError {
     /// There is no file, or it is a folder, a pipe or a device.
     Missing,
+    /// It lies outside of the plan's folder.
+    Outside,
     TooLarge,
     Unreadable(io::Error),
 }
 
-/// Reads a picture. A pipe or a device in its place blocks nothing.
+/// Reads a picture that a checked plan shows. A pipe or a device in its place blocks nothing.
 pub(crate) fn picture(path: &Path) -> Result<Vec<u8>, PictureFileError> {
-    let opened = OpenOptions::new().read(true).custom_flags(nix::libc::O_NONBLOCK).open(path);
-    let file = opened.map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => PictureFileError::Missing,
+    whole_picture(gnc_files::read_beginning(path, one_more(MAX_PICTURE_BYTES)))
+}
+
+/// Reads a picture that a plan names.
+fn named_picture(plan: &Path, path: &str, reach: Reach) -> Result<Vec<u8>, PictureFileError> {
+    whole_picture(gnc_files::named_beginning(folder_of(plan), Path::new(path), reach, one_more(MAX_PICTURE_BYTES)))
+}
+
+fn whole_picture(read: io::Result<Vec<u8>>) -> Result<Vec<u8>, PictureFileError> {
+    let bytes = read.map_err(|error| match (is_refused(&error), error.kind()) {
+        (Some(Refused::Outside), _) => PictureFileError::Outside,
+        (Some(_), _) | (None, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => PictureFileError::Missing,
         _ => PictureFileError::Unreadable(error),
     })?;
-    if !file.metadata().map_err(PictureFileError::Unreadable)?.is_file() {
-        return Err(PictureFileError::Missing);
-    }
-    let mut bytes = Vec::new();
-    file.take(MAX_PICTURE_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(PictureFileError::Unreadable)?;
     if bytes.len() > MAX_PICTURE_BYTES { Err(PictureFileError::TooLarge) } else { Ok(bytes) }
 }
 
@@ -148,7 +179,9 @@ fn changed_picture(path: &str, was: Option<&str>) -> Option<ChangedFile> {
     let unreadable = match picture_sha256(path) {
         Ok(is) if Some(is.as_str()) == was => return None,
         Ok(_) | Err(PictureFileError::TooLarge) => None,
-        Err(PictureFileError::Missing) => Some(io::Error::from(io::ErrorKind::NotFound).to_string()),
+        Err(PictureFileError::Missing | PictureFileError::Outside) => {
+            Some(io::Error::from(io::ErrorKind::NotFound).to_string())
+        }
         Err(PictureFileError::Unreadable(error)) => Some(error.to_string()),
     };
     Some(ChangedFile { name: path.to_owned(), unreadable })
@@ -166,9 +199,11 @@ pub(crate) fn changed(path: &Path, was: &[u8]) -> Option<ChangedFile> {
 
 /// Reads at most one byte more than the limit, so that the checker can report a file that is too long.
 fn read(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    File::open(path)?.take(limit as u64 + 1).read_to_end(&mut bytes)?;
-    Ok(bytes)
+    gnc_files::read_beginning(path, one_more(limit))
+}
+
+fn one_more(limit: usize) -> u64 {
+    limit as u64 + 1
 }
 
 fn cannot_read(what: &str, path: &Path, error: &io::Error) -> CommandRefusal {
@@ -176,6 +211,7 @@ fn cannot_read(what: &str, path: &Path, error: &io::Error) -> CommandRefusal {
         io::ErrorKind::NotFound => "check the path; it starts at the current folder",
         io::ErrorKind::IsADirectory => "name the file in that folder",
         io::ErrorKind::PermissionDenied => "make it readable for this user",
+        _ if is_refused(error).is_some() => "name a file; what a program writes, save as a file first",
         _ => "check the disk",
     };
     CommandRefusal::new(format!("cannot read the {what} {}: {error}", gnc_text::shown_path(path)), try_this)

@@ -10,6 +10,7 @@ mod check;
 pub mod cli;
 mod compute;
 mod doctor;
+mod ending;
 mod exit_code;
 mod export;
 mod files;
@@ -23,7 +24,9 @@ mod records;
 mod refusal;
 mod serial_number;
 mod setup;
+mod threads;
 mod tui;
+mod umask;
 mod version;
 mod wording;
 

@@ -13,6 +13,7 @@ use std::process::ExitCode;
 use gnc_executive::event::{EarlierRun, Event, PlanInfo};
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
+use gnc_files::Reach;
 use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StoreError, digest, reader};
 use gnc_text::{printable, with_causes};
 
@@ -35,14 +36,14 @@ Exit codes without --plan:
 Exit codes with --plan: those of a run, by the verdict under that plan; 2 if the record is not as it was written.";
 
 /// Judges a run again; with another plan into a new folder beside it.
-pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<&Path>) -> ExitCode {
+pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<(&Path, Reach)>) -> ExitCode {
     let folder = match records::one(within, run) {
         Ok(folder) => folder,
         Err(refused) => return refused,
     };
     let done = match plan {
         None => same(&folder),
-        Some(plan) => other(&folder, plan),
+        Some((plan, reach)) => other(&folder, plan, reach),
     };
     done.unwrap_or_else(|error| refuse(with_causes(&error), error.try_this()))
 }
@@ -79,8 +80,8 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
     Ok(ExitCode::from(DIFFERS))
 }
 
-fn other(folder: &Path, path: &Path) -> Result<ExitCode, RunError> {
-    let plan = files::plan_to_judge(path).map_err(|refusal| RunError::Plan { what: refusal.what })?;
+fn other(folder: &Path, path: &Path, reach: Reach) -> Result<ExitCode, RunError> {
+    let plan = files::plan_to_judge(path, reach).map_err(|refusal| RunError::Plan { what: refusal.what })?;
     let run = RecordedRun::read(folder)?;
     // A judgement of changed samples would be sealed as if they were the module's.
     let problems = reader::verify(folder);

@@ -33,6 +33,7 @@ mod tests;
 use std::io::{self, IsTerminal as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use gnc_bench::runner::Live;
@@ -43,9 +44,10 @@ use gnc_text::{printable, with_causes};
 use tokio::sync::{mpsc, watch};
 
 use crate::args::{OnFailArg, RunArgs};
+use crate::phrases::in_language;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::serial_number::SerialNumberError;
-use crate::{exit_code, files, serial_number, setup};
+use crate::{exit_code, files, serial_number, setup, threads, umask};
 use model::{AfterFailure, Loaded, RoundsSetting, ScreenModel};
 use session::{ScreenSession, Signals};
 use show::{Inbox, ScreenClock};
@@ -88,7 +90,7 @@ fn number_given(args: &RunArgs, given: &str) -> Result<String, SerialNumberError
     if serial_number::check_signs(&number, []).is_err() {
         // The screen tells what is wrong with bench and plan. A pattern that cannot be read names no other signs.
         let of_bench = setup::check(args).ok().and_then(|bench| bench.serial_number);
-        let plan = args.plan.as_deref().and_then(|plan| files::plan(plan).ok());
+        let plan = args.plan.as_deref().and_then(|plan| files::plan(plan, args.reach()).ok());
         let of_plan = plan.and_then(|plan| plan.plan().serial_number.clone());
         serial_number::check_signs(&number, [&of_bench, &of_plan].into_iter().flatten())?;
     }
@@ -97,13 +99,17 @@ fn number_given(args: &RunArgs, given: &str) -> Result<String, SerialNumberError
 
 fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusal> {
     let cannot = |error: io::Error| CommandRefusal::new(format!("cannot start the screen: {error}"), "");
-    let runtime = || tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot);
-    // The second one hears interrupts when the first one has ended.
-    let (runtime, ending) = (runtime()?, runtime()?);
+    let runtime = threads::runtime()?;
+    // This one hears interrupts when the first one has ended.
+    let ending = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot)?;
     let signals = {
         let _inside = runtime.enter();
         Signals::new().map_err(cannot)?
     };
+    let guard = Guard::new();
+    let (heard, held) = (signals.heard(), guard.clone());
+    crate::ending::at_second_signal(move || heard.load(Ordering::SeqCst) >= 2, move || held.give_back())
+        .map_err(cannot)?;
     let clock = ScreenClock { began };
     let plan = args.plan.clone();
     let serial_number = args.serial_number.as_deref().map(|given| number_given(args, given)).transpose();
@@ -125,7 +131,6 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
         line_lost: live.line_lost.subscribe(),
     };
 
-    let guard = Guard::new();
     let (gone_in, gone) = std::sync::mpsc::channel();
     let drawing = Drawing { guard: guard.clone(), model, inbox, commands: commands_in, clock };
     spawn("screen", move || {
@@ -206,6 +211,9 @@ fn first_model(
     };
     model.only.clone_from(&args.only);
     model.scan.current = serial_number;
+    if let Some((what, _)) = umask::doubt() {
+        model.say(model::MessageWeight::Info, in_language(&what, lang).into_owned());
+    }
     if let Some((folder, of)) = resume {
         let run = folder.file_name().unwrap_or_default().to_string_lossy();
         let number = model.scan.current.get_or_insert(of);

@@ -101,6 +101,44 @@ fn a_library_is_used_only_where_the_page_says() {
     none_of(&mistakes);
 }
 
+/// Calls that open what others may have exchanged for a pipe, a device or a link, by the ends of their paths.
+const UNGUARDED: [[&str; 2]; 6] =
+    [["fs", "read"], ["fs", "read_to_string"], ["fs", "write"], ["fs", "copy"], ["File", "open"], ["File", "create"]];
+
+/// The calls without a guard that a module names.
+fn unguarded(module: &Module) -> Vec<String> {
+    let is_one = |path: &[String]| UNGUARDED.iter().any(|end| path.ends_with(&end.map(str::to_owned)));
+    let named = module.named.iter().filter(|named| named.path.len() > 1 && is_one(&named.path));
+    named.map(|named| format!("{}:{}: {}", module.file.display(), named.line, named.path.join("::"))).collect()
+}
+
+/// Files are opened by `gnc-files`. The files of code that opens some by itself stand in `unguarded.toml`, each with the reason.
+#[test]
+fn files_of_others_are_read_with_guards() {
+    let allowed = std::fs::read_to_string(gnc_tests::repository().join("tests/walls/unguarded.toml")).unwrap();
+    let allowed: toml::Table = allowed.parse().unwrap();
+    let modules = WORKSPACE.as_ref().unwrap().iter().flat_map(|one| &one.modules);
+    let is_allowed = |module: &Module| allowed.contains_key(&*module.file.to_string_lossy());
+    let found = modules.filter(|module| !is_allowed(module)).flat_map(unguarded);
+    none_of(&found.map(|call| format!("{call}: use gnc_files, or say in unguarded.toml why not")).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_read_without_a_guard_is_found_however_it_is_written() {
+    for (text, is_one) in [
+        ("fn f() { std::fs::read(path); }", true),
+        ("use std::fs; fn f() { fs::read_to_string(path); }", true),
+        ("use std::fs::{read as take}; fn f() { take(path); }", true),
+        ("use std::fs::File; fn f() { File::open(path).map(|file| file); }", true),
+        ("fn f() { paths.map(std::fs::File::create); }", true),
+        ("fn f() { RawFile::create(path); gnc_files::read(path, 9); fs::read_dir(path); }", false),
+        ("#[cfg(test)] mod tests { fn f() { std::fs::read(path); } }", false),
+    ] {
+        let found = made_up(&[("lib.rs", text)]).unwrap().iter().flat_map(unguarded).count();
+        assert_eq!(found > 0, is_one, "{text}");
+    }
+}
+
 #[test]
 fn modules_do_not_depend_on_each_other_in_a_circle() {
     let found = WORKSPACE.as_ref().unwrap().iter().flat_map(|one| cycles(&edges(&one.modules))).collect::<Vec<_>>();

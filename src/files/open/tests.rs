@@ -66,3 +66,30 @@ fn below_a_root_no_link_is_followed() {
     assert_eq!(read("day/none/file").unwrap_err().kind(), io::ErrorKind::NotFound);
     assert_eq!(why(read_below(&root, Path::new("day/run/file"), 5)), Some(Refused::TooLong { limit: 5 }));
 }
+
+/// A file that another file names lies beside it or below; a link counts by its end.
+#[test]
+fn a_named_file_stays_in_its_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("plans");
+    fs::create_dir_all(root.join("below")).unwrap();
+    for file in ["outside", "plans/inside", "plans/below/deep", "plans-of-others"] {
+        fs::write(folder.path().join(file), file).unwrap();
+    }
+    symlink("below/deep", root.join("link")).unwrap();
+    symlink("../outside", root.join("out")).unwrap();
+    symlink("..", root.join("up")).unwrap();
+    symlink("/dev/zero", root.join("zeros")).unwrap();
+    nix::unistd::mkfifo(&root.join("pipe"), Mode::S_IRWXU).unwrap();
+    let read = |path: &str, reach| named_beginning(&root, &root.join(path), reach, 99);
+    for inside in ["inside", "below/deep", "below/../inside", "link"] {
+        assert!(read(inside, Reach::Folder).is_ok(), "{inside}");
+    }
+    for outside in ["out", "up/outside", "../outside", "../plans-of-others", "below/../../outside"] {
+        assert_eq!(why(read(outside, Reach::Folder)), Some(Refused::Outside), "{outside}");
+        assert!(read(outside, Reach::Anywhere).is_ok(), "{outside}");
+    }
+    assert_eq!(why(read("zeros", Reach::Folder)), Some(Refused::Outside));
+    assert_eq!(why(read("zeros", Reach::Anywhere)), Some(Refused::Device));
+    assert_eq!(why(read("pipe", Reach::Folder)), Some(Refused::Pipe));
+}

@@ -1,6 +1,7 @@
 //! The standing of a module, from folders as the station leaves them and as accidents and people change them.
 
 use std::fs;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset, TimeDelta};

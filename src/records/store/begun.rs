@@ -1,7 +1,6 @@
 //! Folders of runs that were never begun: the station made the folder and ended, or could not write, before the first event.
 //! Nothing was tested, so such a folder is neither a run nor a sign of a change.
 
-use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
@@ -21,13 +20,14 @@ pub fn was_never_begun(run: &Path) -> bool {
             || is_part
             || file == Path::new(JOURNAL) && has_no_event(&run.join(file)).unwrap_or(false)
     };
-    !run.join(DIGESTS).exists() && digest::files_below(run).is_ok_and(|files| files.iter().all(is_before))
+    run.join(DIGESTS).symlink_metadata().is_err()
+        && digest::files_below(run).is_ok_and(|files| files.iter().all(is_before))
 }
 
 /// Whether a journal is empty, or cut off in its first event. A line that lacks only its end is a whole event.
 fn has_no_event(journal: &Path) -> io::Result<bool> {
     let mut bytes = Vec::new();
-    File::open(journal)?.take(MAX_FIRST_EVENT_BYTES + 1).read_to_end(&mut bytes)?;
+    gnc_files::own(journal)?.take(MAX_FIRST_EVENT_BYTES + 1).read_to_end(&mut bytes)?;
     let is_long = bytes.len() as u64 > MAX_FIRST_EVENT_BYTES;
     let written = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let is_whole = || serde_json::from_slice::<serde::de::IgnoredAny>(&bytes[..written]).is_ok();

@@ -37,7 +37,7 @@ pub fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
 /// [`CapturesError`].
 pub fn read(path: &Path) -> Result<RawRecord, CapturesError> {
     let in_words = |source| CapturesError { path: path.to_owned(), source };
-    let file = gnc_files::open(path).map_err(|error| in_words(error.into()))?;
+    let file = gnc_files::own(path).map_err(|error| in_words(error.into()))?;
     let record = raw::read(file).map_err(in_words)?;
     let holds_some = !record.captures.is_empty() || record.unfinished.is_some();
     match run_of(path).and_then(|run| not_of(run, record.origin.as_ref(), holds_some)) {
@@ -50,7 +50,7 @@ pub fn read(path: &Path) -> Result<RawRecord, CapturesError> {
 pub(super) fn of_other_runs(run: &Path) -> Result<Vec<String>, StoreError> {
     let mut problems = Vec::new();
     for file in files(run)? {
-        let begin = gnc_files::open(&file).map_err(RawError::from).and_then(raw::origin);
+        let begin = gnc_files::own(&file).map_err(RawError::from).and_then(raw::origin);
         let error = match begin {
             Ok((origin, holds_some)) => not_of(run, origin.as_ref(), holds_some),
             Err(error) => Some(error),

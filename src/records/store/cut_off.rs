@@ -20,6 +20,8 @@ use crate::raw::{self, RawError, Survey};
 pub(super) const CUT_OFF: &str = "cut-off.json";
 /// Name ending of a file that holds a torn record.
 const TORN: &str = "torn";
+/// Longest report: a line for each raw file of a run.
+const MAX_REPORT_BYTES: u64 = 64 << 20;
 const SCHEMA: &str = "gnc-station/cut-off/1";
 
 /// The raw files of a run that had no end when the run was sealed.
@@ -88,7 +90,7 @@ pub(super) fn complete(folder: &RunFolder) -> Result<CutOffReport, StoreError> {
 /// The report that an earlier start filed.
 fn told(run: &Path) -> Result<Option<CutOffReport>, StoreError> {
     let path = run.join(CUT_OFF);
-    match fs::read(&path) {
+    match gnc_files::read_below(run, Path::new(CUT_OFF), MAX_REPORT_BYTES) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         read => {
             let bytes = on(read, "read", &path)?;
@@ -108,7 +110,7 @@ fn look(folder: &RunFolder) -> Result<CutOffReport, StoreError> {
             found => found,
         };
         // The data behind the promise must survive a power cut.
-        on(File::open(&path).and_then(|file| file.sync_all()), "write", &path)?;
+        on(gnc_files::own(&path).and_then(|file| file.sync_all()), "write", &path)?;
         let original_bytes = on(fs::metadata(&path), "read", &path)?.len();
         let original_sha256 = digest::of_file(&path)?;
         let (kept_bytes, damaged) = match survey {
@@ -117,7 +119,7 @@ fn look(folder: &RunFolder) -> Result<CutOffReport, StoreError> {
         };
         let torn = (kept_bytes < original_bytes).then(|| format!("{file}.{TORN}"));
         if let Some(torn) = &torn {
-            let mut source = on(File::open(&path), "read", &path)?;
+            let mut source = on(gnc_files::own(&path), "read", &path)?;
             on(source.seek(SeekFrom::Start(kept_bytes)), "read", &path)?;
             folder.put_synced(torn, |out| io::copy(&mut source, out).map(drop))?;
         }
@@ -147,7 +149,7 @@ fn end(folder: &RunFolder, found: &CutOffFile) -> Result<(), StoreError> {
     }
     let was = raw::CutOff { original_bytes: found.original_bytes, original_sha256: found.original_sha256.clone() };
     let end = on(survey.end(&was).map_err(io::Error::other), "end", &path)?;
-    let mut source = on(File::open(&path), "read", &path)?.take(found.kept_bytes);
+    let mut source = on(gnc_files::own(&path), "read", &path)?.take(found.kept_bytes);
     folder.put_synced(&found.file, |out| {
         io::copy(&mut source, out)?;
         out.write_all(&end)
@@ -157,9 +159,9 @@ fn end(folder: &RunFolder, found: &CutOffFile) -> Result<(), StoreError> {
 /// Surveys a file; `None` if the file has an end. After a power failure a file may be longer than what was written:
 /// zeros at the end do not belong to it.
 fn survey(path: &Path) -> Result<Option<Survey>, RawError> {
-    let found = Survey::of(File::open(path)?);
+    let found = Survey::of(gnc_files::own(path)?);
     let Err(RawError::Damaged { .. }) = found else { return found };
-    let mut file = File::open(path)?;
+    let mut file = gnc_files::own(path)?;
     let written = without_zeros(&mut file)?;
     if written == file.metadata()?.len() {
         return found;

@@ -10,6 +10,9 @@ use sha2::{Digest as _, Sha256};
 
 use super::{DIGESTS, PAPERS, SIGNATURE, StoreError, on};
 
+/// Longest list of digests: 20,000 items of a plan with some files each, and two hundred bytes for each.
+const MAX_DIGESTS_BYTES: u64 = 64 << 20;
+
 /// A SHA-256 as hexadecimal digits.
 #[must_use]
 pub(crate) fn hexadecimal(digest: &[u8]) -> String {
@@ -46,7 +49,7 @@ pub fn of_bytes(bytes: &[u8]) -> String {
 /// # Errors
 /// [`StoreError::File`].
 pub fn of_file(path: &Path) -> Result<String, StoreError> {
-    of_reader(on(File::open(path), "read", path)?, path)
+    of_reader(on(gnc_files::own(path), "read", path)?, path)
 }
 
 /// Digest of an open file, which errors call by its path.
@@ -117,7 +120,7 @@ impl FileDigests {
     /// [`StoreError::File`].
     pub fn read(folder: &Path) -> Result<(Self, usize), StoreError> {
         let path = folder.join(DIGESTS);
-        let text = on(fs::read(&path), "read", &path)?;
+        let text = on(gnc_files::read_below(folder, Path::new(DIGESTS), MAX_DIGESTS_BYTES), "read", &path)?;
         let (mut sums, mut bad) = (BTreeMap::new(), 0);
         for line in String::from_utf8_lossy(&text).lines() {
             match line.split_once("  ") {

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use chrono::{DateTime, FixedOffset};
+pub(super) use gnc_files::PART;
+use gnc_files::{Part, Refused};
 use nix::fcntl::{Flock, FlockArg};
 
 use super::begun::was_never_begun;
@@ -13,8 +15,9 @@ use super::{StationKey, StoreError, UNASSIGNED, name, on};
 
 /// Bound on the runs of one plan with one serial number in one second; more mean a loop out of control.
 const MAX_SAME_SECOND: u32 = 10_000;
-/// Name ending of a file that is not completely written.
-pub(super) const PART: &str = "part";
+
+/// Folders below the records folder on the way to a run: day, module, run.
+const LEVELS: usize = 3;
 
 /// The folder of a run.
 #[derive(Debug, Clone)]
@@ -43,7 +46,11 @@ impl RunFolder {
         let day = records.join(at.format("%Y-%m-%d").to_string()).join(name::of_module(serial_number));
         let name = format!("{}-{}", at.format("%H%M%S"), name::of_part(plan));
         let create = || {
-            on(fs::create_dir_all(&day), "create", &day)?;
+            // A day or a module that is a link would put the run elsewhere.
+            for folder in [day.parent().unwrap_or(&day), &day] {
+                on(fs::create_dir_all(folder), "create", folder)?;
+                is_own(folder)?;
+            }
             Self::fresh(&day, &name)
         };
         // The start of another station takes empty folders away, also between these two steps.
@@ -152,6 +159,7 @@ impl RunFolder {
 
     /// Opens a new file to append to.
     pub(super) fn create_file(&self, name: &str) -> Result<File, StoreError> {
+        folders_are_own(self.path())?;
         let path = self.path().join(name);
         let file = on(OpenOptions::new().append(true).create_new(true).open(&path), "create", &path)?;
         sync_dir(self.path())?;
@@ -172,12 +180,14 @@ impl RunFolder {
     /// removed, a part of the record must not look like the complete record.
     fn parent<'a>(&self, path: &'a Path) -> Result<&'a Path, StoreError> {
         let parent = path.parent().unwrap_or(path);
+        folders_are_own(self.path())?;
         if parent == self.path() {
             return Ok(parent);
         }
         match DirBuilder::new().create(parent) {
             Err(error) if error.kind() != io::ErrorKind::AlreadyExists => on(Err(error), "create", parent),
-            _ => Ok(parent),
+            Err(_) => is_own(parent).map(|()| parent),
+            Ok(()) => Ok(parent),
         }
     }
 
@@ -213,21 +223,30 @@ impl RunFolder {
         sync: bool,
     ) -> Result<(), StoreError> {
         let path = self.path().join(name);
-        let parent = self.parent(&path)?;
-        let mut hidden = path.file_name().unwrap_or_default().to_os_string();
-        hidden.push(format!(".{PART}"));
-        let part = parent.join(hidden);
-        let mut file = io::BufWriter::new(on(File::create(&part), "create", &part)?);
+        self.parent(&path)?;
+        let part = on(Part::create(&path), "create", &path)?;
+        let name = part.written_to().to_owned();
+        let mut file = io::BufWriter::new(part);
         let mut written = write(&mut file).and_then(|()| file.flush());
         if sync {
-            written = written.and_then(|()| file.get_ref().sync_all());
+            written = written.and_then(|()| file.get_ref().sync());
         }
-        if written.is_err() {
-            // On a full disk the part file would be in the way. The reported error is that of the write.
-            let _ = fs::remove_file(&part);
-        }
-        on(written, "write", &part)?;
-        on(fs::rename(&part, &path), "write", &path)
+        on(written, "write", &name)?;
+        let part = on(file.into_inner().map_err(io::IntoInnerError::into_error), "write", &name)?;
+        on(part.place(), "write", &path)
+    }
+}
+
+/// Refuses a run whose folder, or that of its module or its day, is a link or has become one: nothing is written or sealed
+/// behind it. The records folder itself may be a link.
+fn folders_are_own(run: &Path) -> Result<(), StoreError> {
+    run.ancestors().take(LEVELS).filter(|folder| !folder.as_os_str().is_empty()).try_for_each(is_own)
+}
+
+fn is_own(folder: &Path) -> Result<(), StoreError> {
+    match on(folder.symlink_metadata(), "read", folder)?.is_symlink() {
+        true => on(Err(Refused::Link.into()), "write", folder),
+        false => Ok(()),
     }
 }
 
@@ -264,6 +283,76 @@ mod tests {
         drop(folder);
         drop(held);
         assert_eq!(look(), (Found::Unreadable, false), "its station has died");
+    }
+
+    /// The folder of the run, of its module or of its day is exchanged for a link while the run goes on, or before: nothing is
+    /// written or sealed at the other end. The records folder itself may be a link.
+    #[test]
+    fn nothing_is_written_behind_a_link() {
+        use std::os::unix::fs::symlink;
+        let at = DateTime::parse_from_rfc3339("2026-11-28T12:00:00+08:00").unwrap();
+        let place = tempfile::tempdir().unwrap();
+        let [real, records, other] = ["real", "records", "other"].map(|name| place.path().join(name));
+        fs::create_dir(&real).unwrap();
+        symlink(&real, &records).unwrap();
+        let is_link = |result: Result<(), StoreError>| match result {
+            Err(StoreError::File { source, .. }) => gnc_files::is_refused(&source) == Some(Refused::Link),
+            _ => false,
+        };
+        for level in 0..LEVELS {
+            let folder = RunFolder::create(&records, at, "SN", "functional").unwrap();
+            folder.put("log.txt", |out| out.write_all(b"in the run")).unwrap();
+            folder.put("01-imu/item.json", |out| out.write_all(b"{}")).unwrap();
+            let exchanged = folder.path().ancestors().nth(level).unwrap().to_owned();
+            fs::rename(&exchanged, &other).unwrap();
+            symlink(&other, &exchanged).unwrap();
+            assert!(is_link(folder.put_synced("SHA256SUMS", |out| out.write_all(b"sealed"))), "{level}");
+            assert!(is_link(folder.create_file("events.jsonl").map(drop)), "{level}");
+            if level > 0 {
+                assert!(is_link(RunFolder::create(&records, at, "SN", "functional").map(drop)), "{level}");
+            }
+            fs::remove_file(&exchanged).unwrap();
+            fs::remove_dir_all(&other).unwrap();
+        }
+        // The folder of an item, and a link where a file is to be.
+        let folder = RunFolder::create(&records, at, "SN", "functional").unwrap();
+        fs::create_dir(&other).unwrap();
+        symlink(&other, folder.path().join("01-imu")).unwrap();
+        assert!(is_link(folder.put("01-imu/item.json", |out| out.write_all(b"{}"))));
+        assert!(is_link(folder.create_below("01-imu/attempt-1.mcap").map(drop)));
+        for name in ["run.json", "run.json.part"] {
+            symlink(other.join("victim"), folder.path().join(name)).unwrap();
+        }
+        folder.put("run.json", |out| out.write_all(b"{}")).unwrap();
+        assert_eq!(fs::read_dir(&other).unwrap().count(), 0);
+        assert!(!folder.path().join("run.json").is_symlink());
+    }
+
+    /// A pipe, a device, a folder or a link in the place of a file of a record is refused at once: the test would wait for ever.
+    #[test]
+    fn what_is_no_file_is_not_read() {
+        use crate::store::{DIGESTS, RECORD, captures, cut_off, digest, head};
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        let names = [DIGESTS, RECORD, cut_off::CUT_OFF, "a.mcap", crate::store::JOURNAL];
+        let put: [(&str, &dyn Fn(&Path)); 4] = [
+            ("pipe", &|path| nix::unistd::mkfifo(path, nix::sys::stat::Mode::S_IRWXU).unwrap()),
+            ("folder", &|path| fs::create_dir(path).unwrap()),
+            ("link to a file", &|path| std::os::unix::fs::symlink("/etc/hostname", path).unwrap()),
+            ("link to a device", &|path| std::os::unix::fs::symlink("/dev/zero", path).unwrap()),
+        ];
+        for (what, put) in put {
+            names.iter().for_each(|name| put(&at(name)));
+            assert!(digest::FileDigests::read(place.path()).is_err(), "{what}");
+            assert!(digest::of_file(&at(RECORD)).is_err(), "{what}");
+            assert!(captures::read(&at("a.mcap")).is_err(), "{what}");
+            assert!(head::RunHead::read(place.path()).is_none(), "{what}");
+            assert!(cut_off::complete(&RunFolder::existing(place.path())).is_err(), "{what}");
+            assert!(!was_never_begun(place.path()), "{what}");
+            for name in names {
+                let _ = fs::remove_file(at(name)).or_else(|_| fs::remove_dir(at(name)));
+            }
+        }
     }
 
     /// The station died, or its disk was full, before the first event. Nothing was tested, and nothing was changed.

@@ -1,7 +1,6 @@
 //! The head of `run.json`: what a search over many runs needs. The record of a calibration has megabytes of items, and a
 //! hundred of them would delay the screen.
 
-use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
@@ -86,7 +85,7 @@ impl RunHead {
 }
 
 fn beginning(file: &Path) -> io::Result<String> {
-    let mut file = File::open(file)?.take(MAX_HEAD_BYTES);
+    let mut file = gnc_files::own(file)?.take(MAX_HEAD_BYTES);
     let mut bytes = Vec::new();
     while (&mut file).take(AT_ONCE_BYTES).read_to_end(&mut bytes)? > 0 {
         if String::from_utf8_lossy(&bytes).contains(ITEMS) {

@@ -86,19 +86,48 @@ impl KeyError {
 pub struct StationKey(SigningKey);
 
 impl StationKey {
-    /// Makes a new key: the private half in a file that only its owner may use, the public half beside it, `.pub`.
+    /// Makes a new key: the private half in a file that only its owner may use, the public half beside it, `.pub`. The public
+    /// half is there first, so that no private key is without it. A key that was cut off between the two gets its name when it
+    /// is made again; what an earlier end left of a key that had no public half yet is no key, and goes.
     ///
     /// # Errors
     /// [`KeyError::File`]; an existing file is never overwritten.
     pub fn create(path: &Path) -> Result<PathBuf, KeyError> {
+        let (public, hidden) = (public_path(path), part_of(path));
+        let hidden_public = part_of(&public);
+        is_free(path)?;
+        if let (Ok(half), Ok(whole)) = (Self::read(&hidden), PublicKey::read(&public))
+            && half.0.verifying_key() == whole.0
+        {
+            place(&hidden, path)?;
+            return Ok(public);
+        }
+        is_free(&public)?;
+        for left in [&hidden, &hidden_public] {
+            match std::fs::remove_file(left) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => on(Err(error), "write", left)?,
+                _ => {}
+            }
+        }
         let mut seed = [0; KEY];
         let random = Path::new("/dev/urandom");
         on(File::open(random).and_then(|mut file| file.read_exact(&mut seed)), "read", random)?;
         let key = SigningKey::from_bytes(&seed);
-        let public = public_path(path);
-        write(path, 0o600, &[&PRIVATE_HEAD, &seed])?;
-        write(&public, 0o644, &[&PUBLIC_HEAD, key.verifying_key().as_bytes()])?;
-        Ok(public)
+        let written = write(&hidden, 0o600, &[&PRIVATE_HEAD, &seed])
+            .and_then(|()| write(&hidden_public, 0o644, &[&PUBLIC_HEAD, key.verifying_key().as_bytes()]))
+            .and_then(|()| place(&hidden_public, &public))
+            .and_then(|()| {
+                let placed = place(&hidden, path);
+                if placed.is_err() {
+                    let _ = std::fs::remove_file(&public);
+                }
+                placed
+            });
+        if written.is_err() {
+            // The reported error is the first one.
+            let _ = [hidden, hidden_public].map(std::fs::remove_file);
+        }
+        written.map(|()| public)
     }
 
     /// Reads a private key that only its owner may use.
@@ -152,6 +181,24 @@ fn public_path(path: &Path) -> PathBuf {
     public.into()
 }
 
+fn part_of(path: &Path) -> PathBuf {
+    let mut part = path.as_os_str().to_owned();
+    part.push(format!(".{}", gnc_files::PART));
+    part.into()
+}
+
+fn is_free(path: &Path) -> Result<(), KeyError> {
+    let taken = path.symlink_metadata().is_ok();
+    if taken { on(Err(io::Error::from(nix::errno::Errno::EEXIST)), "write", path) } else { Ok(()) }
+}
+
+/// Gives a complete file its name, unless the name is taken, and waits until that is on disk.
+fn place(part: &Path, path: &Path) -> Result<(), KeyError> {
+    on(std::fs::hard_link(part, path), "write", path)?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+    on(std::fs::remove_file(part).and_then(|()| File::open(folder)?.sync_all()), "write", path)
+}
+
 fn write(path: &Path, mode: u32, parts: &[&[u8]]) -> Result<(), KeyError> {
     let mut file = on(OpenOptions::new().write(true).create_new(true).mode(mode).open(path), "write", path)?;
     on(file.write_all(&parts.concat()).and_then(|()| file.sync_all()), "write", path)
@@ -193,6 +240,47 @@ mod tests {
         let public = PublicKey::read(&public_path(&path)).expect("a key");
         assert!(public.signed(&[0x72], &signature));
         assert!(!public.signed(&[0x73], &signature) && !public.signed(&[0x72], &signature[1..]));
+    }
+
+    /// Whatever call of making a key is the last one, or fails: no private key stands under its name without its public half, and
+    /// the same command makes a key afterwards.
+    #[test]
+    fn no_private_key_is_without_its_public_half() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("station.key");
+        let public = public_path(&path);
+        let is_pair = || {
+            let (private, public) = (StationKey::read(&path).expect("a key"), PublicKey::read(&public).expect("a key"));
+            public.signed(b"text", &private.sign(b"text"))
+        };
+        let names = || std::fs::read_dir(folder.path()).expect("a folder").count();
+        // The public half cannot be placed.
+        std::fs::create_dir(&public).expect("a folder");
+        assert!(StationKey::create(&path).is_err());
+        std::fs::remove_dir(&public).expect("a folder");
+        std::fs::create_dir(part_of(&public)).expect("a folder");
+        assert!(StationKey::create(&path).is_err());
+        std::fs::remove_dir(part_of(&public)).expect("a folder");
+        assert_eq!(names(), 0, "nothing is left");
+        // Killed before the public half was there, and in the middle of a write.
+        for left in [&b""[..], &PRIVATE_HEAD, b"torn"] {
+            write(&part_of(&path), 0o600, &[left]).expect("a file");
+            write(&part_of(&public), 0o644, &[left]).expect("a file");
+            assert!(StationKey::create(&path).is_ok() && is_pair());
+            assert_eq!(names(), 2);
+            std::fs::remove_file(&path).expect("a key");
+            std::fs::remove_file(&public).expect("a key");
+        }
+        // Killed between the two.
+        StationKey::create(&path).expect("a key");
+        let was = std::fs::read(&public).expect("a key");
+        std::fs::rename(&path, part_of(&path)).expect("a key");
+        assert!(StationKey::create(&path).is_ok() && is_pair());
+        assert_eq!((std::fs::read(&public).expect("a key"), names()), (was, 2));
+        // The public half of another key is never written over.
+        std::fs::remove_file(&path).expect("a key");
+        assert!(StationKey::create(&path).is_err());
+        assert_eq!(names(), 1);
     }
 
     #[test]

@@ -3,20 +3,18 @@
 //! The file is there before the module gets power, and says then that the run has no end. So neither a killed station
 //! nor a refused run leaves the file of an earlier run that passed.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use gnc_bench::clock;
 use gnc_bench::runner::Ending;
+use gnc_files::Part;
 use gnc_records::junit::JunitReport;
 use gnc_records::store::reader;
 use gnc_text::with_causes;
 
 use crate::refusal::CommandRefusal;
-
-/// Name ending of the file while it is written.
-const PART: &str = "part";
 
 /// The file of a command, with the runs up to now.
 #[derive(Debug)]
@@ -94,16 +92,10 @@ impl JunitFile {
     /// The file appears under its name only when all of it is on disk.
     fn put(&self, report: &JunitReport) -> io::Result<()> {
         let text = report.xml().map_err(io::Error::other)?;
-        let mut part = self.path.clone().into_os_string();
-        part.push(format!(".{PART}"));
-        let part = PathBuf::from(part);
-        let written = File::create(&part).and_then(|mut file| file.write_all(&text).and_then(|()| file.sync_all()));
-        let placed = written.and_then(|()| fs::rename(&part, &self.path));
-        if placed.is_err() {
-            // Half a file helps nobody; the error that matters is told.
-            let _ = fs::remove_file(&part);
-        }
-        placed
+        let mut part = Part::create(&self.path)?;
+        part.write_all(&text)?;
+        part.sync()?;
+        part.place()
     }
 
     fn written(&self, written: io::Result<()>) -> Result<(), CommandRefusal> {

@@ -36,7 +36,7 @@ const NAMES: [(&str, &str); 4] = [
 
 fn said(plan: &Path, bench: Option<BenchAbilities>, part: Option<&PartName>, lang: Lang) -> String {
     let mut out = Vec::new();
-    check(&[plan.to_owned()], bench, part, &mut Lines::in_language(&mut out, lang));
+    check((&[plan.to_owned()], gnc_files::Reach::Folder), bench, part, &mut Lines::in_language(&mut out, lang));
     String::from_utf8(out).expect("UTF-8")
 }
 

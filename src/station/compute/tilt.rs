@@ -134,7 +134,7 @@ fn budget(root: &TomlTable<'_, '_>) -> (Vec<tilt::TiltContribution>, f64) {
 impl TiltBudget {
     pub(super) fn compute(&self) -> Result<ComputeOutcome, ComputeError> {
         let unreadable = |source| TableError::Io { path: self.file.clone(), source };
-        let bytes = std::fs::read(&self.file).map_err(unreadable)?;
+        let bytes = gnc_files::read_beginning(&self.file, MOST_BYTES as u64 + 1).map_err(unreadable)?;
         let source = SourceText::new(&gnc_text::shown_path(&self.file), bytes, MOST_BYTES)?;
         let (lines, range_deg) = gnc_config::read(&source, budget)?;
         let (before, after) = tilt::budget(&lines, range_deg)?;

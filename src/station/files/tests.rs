@@ -1,3 +1,5 @@
+use std::fs::File;
+
 use super::*;
 use tempfile::TempDir;
 
@@ -12,7 +14,7 @@ fn folder() -> (TempDir, PathBuf, PathBuf) {
 }
 
 fn refused(path: &Path) -> String {
-    plan(path).map(drop).map_err(|refusal| refusal.what).expect_err("a mistake")
+    plan(path, Reach::Folder).map(drop).map_err(|refusal| refusal.what).expect_err("a mistake")
 }
 
 /// The question has the digest of its picture (of `abc`, from FIPS 180-4). A picture that is another one at the start, or
@@ -21,7 +23,7 @@ fn refused(path: &Path) -> String {
 fn a_picture_is_held_by_its_digest() {
     let (_folder, path, lid) = folder();
     std::fs::write(&lid, "abc").expect("a picture");
-    let held = plan(&path).unwrap_or_else(|refusal| panic!("{}", refusal.what));
+    let held = plan(&path, Reach::Folder).unwrap_or_else(|refusal| panic!("{}", refusal.what));
     let question = &held.plan().items()[0].questions[0];
     let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
     assert_eq!(question.picture_sha256.as_deref(), Some(expected));
@@ -48,15 +50,22 @@ fn a_picture_that_cannot_be_shown_refuses_the_plan() {
     for target in [pipe.as_path(), Path::new("/dev/zero"), Path::new("lid.png")] {
         std::os::unix::fs::symlink(target, &lid).expect("a link");
         let told = refused(&path);
-        let is_loop = target == Path::new("lid.png");
-        assert!(told.contains(if is_loop { "which cannot be read" } else { missing }), "{told}");
+        let expected = match target.to_str() {
+            Some("lid.png") => "which cannot be read",
+            Some("/dev/zero") => "which lies outside of the plan's folder",
+            _ => missing,
+        };
+        assert!(told.contains(expected), "{told}");
+        let anywhere = plan(&path, Reach::Anywhere).map(drop).map_err(|refusal| refusal.what).expect_err("a mistake");
+        let expected = if target == Path::new("lid.png") { expected } else { missing };
+        assert!(anywhere.contains(expected), "{anywhere}");
         std::fs::remove_file(&lid).expect("no link");
     }
     File::create(&lid).and_then(|file| file.set_len(16 << 20)).expect("a large file");
-    assert_eq!(plan(&path).map(drop).map_err(|refusal| refusal.what), Ok(()));
+    assert_eq!(plan(&path, Reach::Folder).map(drop).map_err(|refusal| refusal.what), Ok(()));
     File::create(&lid).and_then(|file| file.set_len((16 << 20) + 1)).expect("a larger file");
     assert!(refused(&path).contains("which has more than 16 MiB"), "{}", refused(&path));
     // Who judges again needs no picture.
     std::fs::remove_file(&lid).expect("no picture");
-    assert!(plan_to_judge(&path).is_ok());
+    assert!(plan_to_judge(&path, Reach::Folder).is_ok());
 }

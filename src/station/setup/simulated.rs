@@ -8,6 +8,7 @@ use gnc_bench::service::Equipment;
 use gnc_executive::bench::BenchFile;
 use gnc_executive::event::BenchInfo;
 use gnc_executive::job::BenchAbilities;
+use gnc_files::Reach;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use hw_mocks::{BenchOptions, Personality, RunningBench, Speed};
@@ -28,7 +29,7 @@ pub(super) struct SimulatedModule {
 
 pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, CommandRefusal> {
     let name = personality.to_string_lossy().into_owned();
-    let (personality, text) = read(personality, &name)?;
+    let (personality, text) = read(personality, &name, args.reach())?;
     let speed = speed(&args.sim_speed)?;
     let file = BenchFile::read("the simulated bench's file", hw_mocks::BENCH_FILE.as_bytes().to_vec())
         .map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
@@ -62,7 +63,7 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
 
 /// Starts a simulated board at true speed, for a command that needs nothing else.
 pub(super) fn board_line(personality: &Path, link: SimLink) -> Result<(Target, RunningBench), CommandRefusal> {
-    let (personality, _) = read(personality, &gnc_text::shown_path(personality))?;
+    let (personality, _) = read(personality, &gnc_text::shown_path(personality), Reach::Folder)?;
     let options = BenchOptions { personality, speed: Speed::Times(1.0), ..BenchOptions::default() };
     let running = start(&options, None)?;
     let target = match link {
@@ -79,18 +80,18 @@ fn start(options: &BenchOptions, interface: Option<&str>) -> Result<RunningBench
 }
 
 /// The module and its file; no file if the module is built in.
-fn read(path: &Path, name: &str) -> Result<(Personality, Option<ReadFile>), CommandRefusal> {
+fn read(path: &Path, name: &str, reach: Reach) -> Result<(Personality, Option<ReadFile>), CommandRefusal> {
     let (personality, text) = match hw_mocks::boards().iter().find(|(built_in, _)| *built_in == name) {
         Some((_, text)) if !path.exists() => (Personality::from_toml(name, text), None),
         _ => {
-            let text = std::fs::read_to_string(path).map_err(|error| {
+            let text = gnc_files::text(path, hw_mocks::LARGEST_FILE).map_err(|error| {
                 let what = format!("cannot read the board {name}: {error}");
                 CommandRefusal::new(
                     what,
                     "start from a board in hw-mocks/boards/, or name a built-in board: `hw-mocks --boards` lists them",
                 )
             })?;
-            let personality = Personality::with_files(name, &text, &mut hw_mocks::beside(path));
+            let personality = Personality::with_files(name, &text, &mut hw_mocks::beside(path, reach));
             (personality, Some(ReadFile { path: path.to_owned(), bytes: text.into_bytes() }))
         }
     };

@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 use std::future::pending;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use futures_util::future::{FutureExt as _, LocalBoxFuture};
@@ -49,6 +50,7 @@ pub(crate) struct Signals {
     interrupt: Signal,
     terminate: Signal,
     hangup: Signal,
+    heard: Arc<AtomicU32>,
 }
 
 impl Signals {
@@ -58,16 +60,24 @@ impl Signals {
             interrupt: signal(SignalKind::interrupt())?,
             terminate: signal(SignalKind::terminate())?,
             hangup: signal(SignalKind::hangup())?,
+            heard: Arc::default(),
         })
+    }
+
+    /// How many of them the session has heard. Copies share the number.
+    pub(crate) fn heard(&self) -> Arc<AtomicU32> {
+        Arc::clone(&self.heard)
     }
 
     /// Waits for the next signal and returns its name.
     pub(crate) async fn next(&mut self) -> &'static str {
-        tokio::select! {
+        let by = tokio::select! {
             _ = self.interrupt.recv() => "SIGINT",
             _ = self.terminate.recv() => "SIGTERM",
             _ = self.hangup.recv() => HANGUP,
-        }
+        };
+        self.heard.fetch_add(1, Ordering::SeqCst);
+        by
     }
 }
 

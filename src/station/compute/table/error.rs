@@ -74,6 +74,9 @@ impl TableError {
             Self::Io { source, .. } if source.kind() == io::ErrorKind::IsADirectory => {
                 Some("name a file in this folder")
             }
+            Self::Io { source, .. } if gnc_files::is_refused(source).is_some() => {
+                Some("name a file, or pipe the data to standard input and name it -")
+            }
             Self::Io { .. } | Self::Damaged { .. } => {
                 Some("the file may be cut off or damaged: copy or export it again")
             }

@@ -38,16 +38,14 @@ pub(super) fn open(path: &Path) -> Result<Source, TableError> {
         return of(path, Box::new(io::stdin()));
     }
     let fail = |source| TableError::Io { path: path.to_owned(), source };
-    let mut file = File::open(path).map_err(fail)?;
+    let mut file = gnc_files::open(path).map_err(fail)?;
     let mut magic = [0; 4];
     let got = file.read(&mut magic).map_err(fail)?;
-    // A pipe cannot be rewound: put the bytes already read before the rest.
-    let again = io::Seek::rewind(&mut file).is_ok();
+    io::Seek::rewind(&mut file).map_err(fail)?;
     if magic[..got] == *b"PAR1" {
         return Ok(Source::Parquet(file));
     }
-    let before = if again { Vec::new() } else { magic[..got].to_vec() };
-    of(path, Box::new(Cursor::new(before).chain(file)))
+    of(path, Box::new(file))
 }
 
 /// Finds the kind of any bytes.

@@ -9,6 +9,7 @@ use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
 use gnc_executive::part::PartName;
 use gnc_executive::plan::Plan;
+use gnc_files::Reach;
 use gnc_records::shift::last_operator;
 
 use super::{archive, told};
@@ -78,7 +79,7 @@ pub(super) fn look(args: &RunArgs, plan_path: Option<&Path>, tell: impl Fn(Looke
     tell(Looked::Bench { path, bench });
     // Without a bench, check the plan alone, so that the operator can correct one after the other.
     let abilities = known.as_ref().map_or(setup::SIMULATED, |(abilities, ..)| *abilities);
-    let plan = plan_view(plan_path, abilities).map(Box::new);
+    let plan = plan_view(plan_path, args.reach(), abilities).map(Box::new);
     let sha256 = plan.as_ref().ok().map(|plan| plan.1.sha256.clone());
     tell(Looked::Plan { path: plan_path.display().to_string(), plan });
     if let (Some(sha256), Some((_, kind, records))) = (sha256, known) {
@@ -116,8 +117,8 @@ fn usual_operator(checked: &CheckedBench) -> Option<UsualOperator> {
     last.map(|name| UsualOperator { name, remembered: true })
 }
 
-fn plan_view(path: &Path, abilities: BenchAbilities) -> Result<(HeldPlan, PlanView), CommandRefusal> {
-    let checked = files::plan(path)?;
+fn plan_view(path: &Path, reach: Reach, abilities: BenchAbilities) -> Result<(HeldPlan, PlanView), CommandRefusal> {
+    let checked = files::plan(path, reach)?;
     let plan = checked.plan();
     let part = plan.items().iter().find_map(|item| match item.limit(PART.name) {
         Some(Limit::Text(text)) => Some(text.resolve("").to_owned()),

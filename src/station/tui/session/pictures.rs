@@ -50,7 +50,7 @@ pub(in crate::tui) fn make(wanted: &PictureWanted) -> Result<DrawnPicture, Pictu
 
 fn read(wanted: &PictureWanted) -> Result<Vec<u8>, PictureTrouble> {
     let bytes = files::picture(Path::new(&wanted.path)).map_err(|error| match error {
-        PictureFileError::Missing => PictureTrouble::Gone,
+        PictureFileError::Missing | PictureFileError::Outside => PictureTrouble::Gone,
         // It was not as large when the plan was checked.
         PictureFileError::TooLarge => PictureTrouble::Changed,
         PictureFileError::Unreadable(error) => PictureTrouble::Unreadable(error.to_string()),

@@ -1,0 +1,174 @@
+//! Inputs that may not hang the program, files that lead elsewhere, limits of the system, and signals that end it.
+
+use std::fs::{self, File, Permissions};
+use std::io::{BufRead as _, BufReader};
+use std::os::unix::fs::{PermissionsExt as _, symlink};
+use std::process::{Command, Stdio};
+
+use gnc_tests::{Place, Run, functional_plan};
+use nix::fcntl::{Flock, FlockArg};
+use nix::sys::signal::{Signal, kill};
+use nix::sys::stat::Mode;
+use nix::unistd::{Pid, Uid};
+
+use super::STATION;
+
+/// User and group without any other process.
+const LONELY: &str = "65531";
+/// Fewer threads than a run takes.
+const FEW: &str = "--nproc=6";
+
+#[track_caller]
+fn check(run: &Run, code: i32, words: &[&str]) {
+    let said = format!("{}{}", run.stdout, run.stderr);
+    assert_eq!(run.code, Some(code), "{said}");
+    for word in words {
+        assert!(said.contains(word), "{word:?} is missing: {said}");
+    }
+}
+
+/// A pipe without a writer would hang each of these commands, and a device has no end. Each says at once what it was given.
+#[test]
+fn what_is_no_file_is_refused_at_once() {
+    let place = Place::new(STATION);
+    nix::unistd::mkfifo(&place.path().join("pipe"), Mode::S_IRWXU).expect("a pipe");
+    symlink("/dev/zero", place.path().join("device")).expect("a link");
+    fs::create_dir(place.path().join("folder")).expect("a folder");
+    let plan = functional_plan().to_string_lossy().into_owned();
+    for (file, what) in [("pipe", "it is a pipe"), ("device", "it is a device"), ("folder", "it is a folder")] {
+        place.write("includes.toml", &format!("name = \"n\"\nversion = \"1\"\ninclude = [\"{file}\"]\n"));
+        let sim = format!("--sim={file}");
+        place.write("board.toml", &format!("description = \"d\"\n[gnss]\nplayback = \"{file}\"\n"));
+        let commands: [&[&str]; 9] = [
+            &["--auto", file, "--sim", "--serial-number", "A"],
+            &["--auto", &plan, "--bench", file, "--serial-number", "A"],
+            &["--auto", &plan, &sim, "--serial-number", "A"],
+            &["--auto", &plan, "--sim=board.toml", "--allow-outside", "--serial-number", "A"],
+            &["plan", "check", file],
+            &["plan", "check", "includes.toml", "--allow-outside"],
+            &["compute", "allan", file, "--rate", "100", "--column", "x"],
+            &["compute", "tilt-budget", file],
+            &["records", "list", "--bench", file],
+        ];
+        for command in commands {
+            let run = place.run(command);
+            check(&run, 2, &[what]);
+        }
+        check(&place.run(["doctor", "--bench", file]), 1, &[what]);
+    }
+}
+
+/// Includes, pictures and playbacks lie in the folder of the file that names them, unless the command line allows more. A link
+/// counts by its end.
+#[test]
+fn a_plan_stays_in_its_folder() {
+    let place = Place::new(STATION);
+    let item = "[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n";
+    let head = "name = \"n\"\nversion = \"1\"\n";
+    for folder in ["plans", "plans/below"] {
+        fs::create_dir(place.path().join(folder)).expect("a folder");
+    }
+    for file in ["other.toml", "plans/beside.toml", "plans/below/deep.toml"] {
+        place.write(file, &format!("name = \"i\"\nversion = \"1\"\n{item}"));
+    }
+    symlink("../other.toml", place.path().join("plans/out.toml")).expect("a link");
+    symlink("below/deep.toml", place.path().join("plans/in.toml")).expect("a link");
+    let outside = "outside of the plan's folder, and only --allow-outside allows that";
+    for (include, stays) in [
+        ("beside.toml", true),
+        ("below/deep.toml", true),
+        ("in.toml", true),
+        ("out.toml", false),
+        ("../other.toml", false),
+    ] {
+        place.write("plans/plan.toml", &format!("{head}include = [\"{include}\"]\n"));
+        let run = place.run(["plan", "check", "plans/plan.toml", "--sim"]);
+        if stays {
+            check(&run, 0, &["no mistake"])
+        } else {
+            check(&run, 2, &[outside])
+        }
+        let args = ["--auto", "plans/plan.toml", "--sim", "--sim-speed", "max", "--serial-number", "A"];
+        let run = place.run(args);
+        if stays {
+            check(&run, 0, &[])
+        } else {
+            check(&run, 2, &[outside])
+        }
+        check(&place.run(["plan", "check", "plans/plan.toml", "--sim", "--allow-outside"]), 0, &["no mistake"]);
+        check(&place.run(args.into_iter().chain(["--allow-outside"])), 0, &[]);
+    }
+    let ask =
+        "[[item]]\nid = \"prompt\"\nname = \"p\"\n[[item.ask]]\nname = \"lid\"\nen = \"Close.\"\nkind = \"done\"\n";
+    place.write("lid.png", "picture");
+    place.write("plans/plan.toml", &format!("{head}{ask}picture = \"../lid.png\"\n"));
+    check(&place.run(["plan", "check", "plans/plan.toml"]), 2, &["which lies outside of the plan's folder"]);
+    check(&place.run(["plan", "check", "plans/plan.toml", "--allow-outside"]), 0, &["no mistake"]);
+}
+
+/// The run is stopped, and waits for the lock of the records, which another program holds. Without the second signal it would
+/// end by itself some seconds later, with exit code 3.
+#[test]
+fn two_signals_end_a_run_that_waits() {
+    let place = Place::new(STATION);
+    let records = place.path().join("records");
+    fs::create_dir(&records).expect("a folder");
+    let plan = functional_plan().to_string_lossy().into_owned();
+    let args = ["--auto", &plan, "--sim", "--sim-speed", "max", "--serial-number", "A", "--events"];
+    let mut station = place.station(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the station");
+    let mut events = BufReader::new(station.stdout.take().expect("its output")).lines();
+    assert!(events.any(|line| line.is_ok_and(|line| line.contains("run_started"))));
+    let lock = Flock::lock(File::open(&records).expect("a folder"), FlockArg::LockExclusive);
+    let pid = Pid::from_raw(i32::try_from(station.id()).expect("a process"));
+    for _ in 0..2 {
+        kill(pid, Signal::SIGINT).expect("alive");
+        // Two signals at the same moment are one for the system.
+        while fs::read_to_string(format!("/proc/{pid}/status")).expect("alive").lines().any(pending) {}
+    }
+    let ended = station.wait_with_output().expect("its end");
+    drop(lock);
+    assert_eq!(ended.status.code(), Some(4), "{}", String::from_utf8_lossy(&ended.stderr));
+}
+
+/// A line of a process's status that names SIGINT as not yet taken.
+fn pending(line: &str) -> bool {
+    let bits = line.strip_prefix("SigPnd:").or_else(|| line.strip_prefix("ShdPnd:"));
+    bits.is_some_and(|bits| u64::from_str_radix(bits.trim(), 16).expect("bits") & 2 != 0)
+}
+
+/// What has no run ends at the first signal.
+#[test]
+fn one_signal_ends_a_command_without_a_run() {
+    use std::os::unix::process::ExitStatusExt as _;
+    let place = Place::new(STATION);
+    let mut compute = place
+        .station(["compute", "allan", "-", "--rate", "100", "--column", "x"])
+        .stdin(Stdio::piped())
+        .spawn()
+        .expect("the station");
+    let pid = Pid::from_raw(i32::try_from(compute.id()).expect("a process"));
+    kill(pid, Signal::SIGINT).expect("alive");
+    assert_eq!(compute.wait().expect("its end").signal(), Some(2));
+}
+
+/// The system has too few threads for the end of a run: that is said before anything is switched on.
+#[test]
+fn too_few_threads_refuse_the_run() {
+    let place = Place::new(STATION);
+    fs::set_permissions(place.path(), Permissions::from_mode(0o777)).expect("rights");
+    let plan = functional_plan().to_string_lossy().into_owned();
+    let mut command = if Uid::effective().is_root() {
+        // The limit does not hold for root.
+        let mut command = Command::new("setpriv");
+        command.args(["--reuid", LONELY, "--regid", LONELY, "--clear-groups", "prlimit"]);
+        command
+    } else {
+        Command::new("prlimit")
+    };
+    command.args([FEW, STATION, "--auto", &plan, "--sim", "--sim-speed", "max", "--serial-number", "A"]);
+    let ended = command.current_dir(place.path()).env("LC_ALL", "C").output().expect("setpriv and prlimit");
+    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(2), "{said}");
+    assert!(said.contains("threads that a run takes") && !said.contains("panicked"), "{said}");
+    assert!(!place.path().join("records").exists());
+}
