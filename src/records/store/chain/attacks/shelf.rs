@@ -148,7 +148,7 @@ impl Shelf {
     pub(super) fn found_of(&self, run: &str) -> Vec<String> {
         let run = self.path().join(run);
         let mut found = reader::check(&run).problems;
-        found.extend(ChainBook::read(self.path()).unwrap().of_run(&run, &[self.public.clone()]));
+        found.extend(ChainBook::read(self.path()).unwrap().of_run(&run, std::slice::from_ref(&self.public)));
         found
     }
 
