@@ -207,6 +207,15 @@ fn a_day_is_copied_under_another_name() {
     });
 }
 
+/// No attack: a memory stick has no capital letters, and another system no colon and no tilde.
+#[test]
+fn names_are_folded_by_a_copy() {
+    check("folded", |shelf| {
+        shelf.rename("2026-11-22/B", "2026-11-22/b");
+        shelf.rename("2026-11-21/B/110000-functional/plan", "2026-11-21/B/110000-functional/PLAN");
+    });
+}
+
 /// A wrong clock is no attack. It is said, and nothing fails.
 #[test]
 fn a_clock_that_is_set_back_is_a_note() {
@@ -241,4 +250,72 @@ fn a_run_that_goes_on_is_no_hole() {
     assert_eq!((checked.runs, checked.problems), (4, Vec::new()));
     let place = super::place_of(&shelf.path().join(&begun)).unwrap().unwrap();
     assert_eq!(fs::read_to_string(shelf.path().join("COUNTER")).unwrap(), format!("{place}\n"));
+}
+
+/// The line of the beginning is on disk before the first event is said to be written. Where it cannot be written the run does not
+/// begin, and its folder goes.
+#[test]
+fn a_run_whose_beginning_cannot_be_written_does_not_begin() {
+    let shelf = Shelf::new();
+    shelf.remove("2026-11-22/CHAIN");
+    fs::create_dir(shelf.path().join("2026-11-22/CHAIN")).unwrap();
+    let error = shelf.try_to_begin("2026-11-22T16:00:00+08:00", "C").unwrap_err();
+    assert!(gnc_text::with_causes(&error).contains("CHAIN"), "{error}");
+    assert!(!shelf.path().join("2026-11-22/C").exists(), "no half run is left");
+}
+
+/// `records verify RUN` looks at the lines of that run and at their neighbours.
+#[test]
+fn one_run_is_verified_with_its_lines() {
+    let of = |shelf: &Shelf, run: &str| shelf.found_of(run);
+    let runs = ["2026-11-21/A/100000-functional", "2026-11-22/A/140000-functional", "2026-11-22/B/150000-functional"];
+    let shelf = Shelf::new();
+    for run in runs {
+        assert_eq!(of(&shelf, run), Vec::<String>::new());
+    }
+    shelf.remove("2026-11-21/B/110000-functional");
+    Forge::read(&shelf).without("2026-11-21/B/").write_as_they_are(&shelf);
+    let told = runs.map(|run| format!("{run}\n    {}\n", of(&shelf, run).join("\n    ")));
+    insta::assert_snapshot!("one_run_beside_a_hole", told.concat());
+
+    let shelf = Shelf::new();
+    shelf.remove("2026-11-21/B/110000-functional");
+    Forge::read(&shelf).without("2026-11-21/B/").write(&shelf);
+    let told = runs.map(|run| format!("{run}\n    {}\n", of(&shelf, run).join("\n    ")));
+    insta::assert_snapshot!("one_run_of_a_chain_made_anew", told.concat());
+}
+
+/// Runs of a simulated bench have no key. They are told, and hide nothing: what was signed behind them keeps them in their place.
+#[test]
+fn simulated_runs_among_signed_ones_are_a_note() {
+    let shelf = Shelf::new();
+    shelf.simulated("2026-11-22T16:00:00+08:00", "A");
+    shelf.run("2026-11-22T17:00:00+08:00", "A", "passed");
+    assert_eq!(shelf.found(true, &[]), Vec::<String>::new());
+    assert_eq!(
+        shelf.notes(),
+        ["2 lines of the chain are of simulated runs and not signed: a simulated bench has no key"]
+    );
+    shelf.remove("2026-11-22/A/160000-functional");
+    Forge::read(&shelf).without("2026-11-22/A/16").write(&shelf);
+    let found = shelf.found(true, &[]);
+    assert!(found.iter().all(|found| found.contains("is not by this key")) && found.len() == 2, "{found:?}");
+}
+
+/// Each word and each byte of the lines counts: a byte changed in chains or counter is found, at each 61st place.
+#[test]
+fn each_byte_of_the_chain_counts() {
+    let shelf = Shelf::new();
+    for file in ["2026-11-21/CHAIN", "2026-11-22/CHAIN", "COUNTER"] {
+        let path = shelf.path().join(file);
+        let before = fs::read(&path).unwrap();
+        for at in (0..before.len()).step_by(61) {
+            let mut bytes = before.clone();
+            bytes[at] = if bytes[at] == b'0' { b'1' } else { b'0' };
+            fs::write(&path, &bytes).unwrap();
+            assert!(!shelf.chain_found().is_empty(), "byte {at} of {file}");
+        }
+        fs::write(&path, &before).unwrap();
+    }
+    assert_eq!(shelf.chain_found(), Vec::<String>::new());
 }

@@ -7,8 +7,10 @@ use gnc_executive::event::Event;
 use gnc_executive::plan::Plan;
 use serde_json::json;
 
-use crate::store::chain::{Against, Head, Place, place_of, verify_against};
-use crate::store::{DIGESTS, JOURNAL, PublicKey, RecordWriter, RunFolder, SIGNATURE, StationKey, digest, reader};
+use crate::store::chain::{Against, ChainBook, Head, Place, place_of, verify_against};
+use crate::store::{
+    DIGESTS, JOURNAL, PublicKey, RecordWriter, RunFolder, SIGNATURE, StationKey, StoreError, digest, reader,
+};
 
 pub(super) struct Shelf {
     folder: tempfile::TempDir,
@@ -59,25 +61,41 @@ impl Shelf {
 
     /// A whole run of nine seconds; returns its name.
     pub(super) fn run(&self, at: &str, serial_number: &str, outcome: &str) -> String {
-        self.write(at, serial_number, Some(outcome), Some(&self.key))
+        self.write(at, serial_number, Some(outcome), Some(&self.key), "real").unwrap()
     }
 
     pub(super) fn run_without_key(&self, at: &str, serial_number: &str, outcome: &str) -> String {
-        self.write(at, serial_number, Some(outcome), None)
+        self.write(at, serial_number, Some(outcome), None, "real").unwrap()
     }
 
     /// A run whose station ends before its end.
     pub(super) fn begin(&self, at: &str, serial_number: &str) -> String {
-        self.write(at, serial_number, None, Some(&self.key))
+        self.try_to_begin(at, serial_number).unwrap()
     }
 
-    fn write(&self, at: &str, serial_number: &str, outcome: Option<&str>, key: Option<&StationKey>) -> String {
+    pub(super) fn try_to_begin(&self, at: &str, serial_number: &str) -> Result<String, StoreError> {
+        self.write(at, serial_number, None, Some(&self.key), "real")
+    }
+
+    /// A run on a simulated bench, which has no key.
+    pub(super) fn simulated(&self, at: &str, serial_number: &str) {
+        self.write(at, serial_number, Some("passed"), None, "simulated").unwrap();
+    }
+
+    fn write(
+        &self,
+        at: &str,
+        serial_number: &str,
+        outcome: Option<&str>,
+        key: Option<&StationKey>,
+        bench: &str,
+    ) -> Result<String, StoreError> {
         let text = "name = \"functional\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nlimits.wrong_reads = \"<= 0\"\n";
         let plan = Plan::read("functional.toml", text.into(), &mut |_| Err(String::new())).unwrap();
         let time: chrono::DateTime<chrono::FixedOffset> = at.parse().unwrap();
         let header = json!({
             "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": "line 2",
-            "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": "real" }, "selection": null,
+            "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": bench }, "selection": null,
             "loop": null, "plan": { "name": "functional", "version": "1", "sha256": "aa" },
         });
         let end = (time + chrono::TimeDelta::seconds(9)).to_rfc3339();
@@ -94,11 +112,11 @@ impl Shelf {
             for event in events {
                 let event: Event = serde_json::from_value(event).unwrap();
                 writer.state().lock().unwrap().apply(&event).unwrap();
-                writer.place().await.unwrap().write(event, true).synced().await.unwrap();
+                writer.place().await.unwrap().write(event, true).synced().await?;
             }
-            writer.close().await.unwrap();
-        });
-        name
+            writer.close().await
+        })?;
+        Ok(name)
     }
 
     /// All that is found, in any order of runs: of each run, and of the chain.
@@ -118,6 +136,20 @@ impl Shelf {
         found.extend(checked.problems.iter().map(|problem| format!("chain: {problem}")));
         let folder = self.path().display().to_string();
         found.iter().map(|problem| problem.replace(&folder, "records")).collect()
+    }
+
+    /// What is found of the chain alone, with the key and the copy of the counter.
+    pub(super) fn chain_found(&self) -> Vec<String> {
+        let (keys, heads) = ([self.public.clone()], [self.counter.clone()]);
+        verify_against(self.path(), &Against { keys: &keys, heads: &heads }).unwrap().0.problems
+    }
+
+    /// What is found of one run and its lines, with the key.
+    pub(super) fn found_of(&self, run: &str) -> Vec<String> {
+        let run = self.path().join(run);
+        let mut found = reader::check(&run).problems;
+        found.extend(ChainBook::read(self.path()).unwrap().of_run(&run, std::slice::from_ref(&self.public)));
+        found
     }
 
     pub(super) fn notes(&self) -> Vec<String> {
