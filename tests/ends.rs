@@ -364,3 +364,25 @@ fn a_run_is_signed_where_the_bench_names_a_key() {
     assert!(complaint.contains("other users may use the key") && complaint.contains("chmod 600"), "{complaint}");
     assert_eq!(place.runs().len(), 1);
 }
+
+/// The station is held in the middle of a capture, as by a sleeping computer, until the board's watchdog has made the module
+/// safe. The attempt says that, and not that a cable has lost samples; the next one passes.
+#[test]
+fn a_station_that_stood_still_says_so() {
+    let mut board = board();
+    let place = with_board(&board);
+    let mut station = Running::start(&place, &["--only", "imu"]);
+    station.until("\"item_started\"");
+    station.signal(Signal::SIGSTOP);
+    until_safe(&mut board);
+    station.signal(Signal::SIGCONT);
+    let (code, said) = station.end();
+    assert_eq!(code, Some(5), "{said}");
+    let record = place.record();
+    let mut items = record["items"].as_array().expect("items").iter();
+    let attempts = &items.find(|item| item["name"] == "imu").expect("the item")["attempts"];
+    let text = attempts[0]["error"]["text"].as_str().unwrap_or_default();
+    assert!(text.starts_with("the station itself stood still for "), "{record:#}");
+    assert_eq!(attempts[0]["outcome"], "errored");
+    assert_eq!(attempts[1]["outcome"], "passed");
+}

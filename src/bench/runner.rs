@@ -11,6 +11,7 @@ mod limits;
 pub mod looking;
 mod recovery;
 
+mod standstill;
 mod verdict;
 
 use std::cell::{Cell, OnceCell, RefCell};
@@ -219,6 +220,8 @@ struct Landed {
     busy: Duration,
     /// Whether some of its captures are taken over and others are new.
     mixed: bool,
+    /// How long the station itself stood still meanwhile.
+    stood: Option<Duration>,
 }
 
 type Flight<'a> = FuturesUnordered<LocalBoxFuture<'a, Landed>>;
@@ -507,7 +510,7 @@ impl Run<'_> {
             let attempt = state.rows().get(landed.position).and_then(|row| row.attempts.last());
             let measured = attempt.map_or(&[][..], |attempt| attempt.measurements.as_slice());
             let resumed = trouble.is_none().then(|| other_temperature(measured)).flatten().filter(|_| landed.mixed);
-            judge(item, measured, trouble.or(resumed.as_ref()))
+            judge(item, measured, trouble.or(resumed.as_ref()), landed.stood)
         })
     }
 

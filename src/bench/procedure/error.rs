@@ -33,8 +33,8 @@ pub(crate) enum ProcedureError {
     Param(#[from] ParamError),
     /// Samples are missing, so the station cannot judge the module.
     #[error(
-        "samples are missing: {} of {wanted} received, {} lost on the board, {} on the line",
-        losses.received, losses.on_board, losses.on_line
+        "samples are missing: {} of {wanted} received, {}",
+        losses.received, Lost(losses)
     )]
     SamplesLost {
         /// Samples asked for.
@@ -44,8 +44,8 @@ pub(crate) enum ProcedureError {
     },
     /// A capture has a gap, so that no figure may come from it.
     #[error(
-        "capture `{label}` has a gap after sample {after} ({at_s:.3} s): {} received, {} lost on the board, {} on the line",
-        losses.received, losses.on_board, losses.on_line
+        "capture `{label}` has a gap after sample {after} ({at_s:.3} s): {} received, {}",
+        losses.received, Lost(losses)
     )]
     CaptureLost {
         /// The capture.
@@ -255,6 +255,18 @@ impl From<FixtureError> for ProcedureError {
     }
 }
 
+/// Where samples were lost, as far as a counter tells.
+struct Lost<'a>(&'a Losses);
+
+impl std::fmt::Display for Lost<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0 {
+            Losses { on_board: 0, on_line: 0, .. } => f.write_str("and no counter knows of a loss"),
+            Losses { on_board, on_line, .. } => write!(f, "{on_board} lost on the board, {on_line} on the line"),
+        }
+    }
+}
+
 impl ProcedureError {
     /// What the operator can try.
     #[must_use]
@@ -264,6 +276,9 @@ impl ProcedureError {
             Self::Fixture(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
             Self::Param(_) => "report this: the station should not have accepted the plan",
+            Self::SamplesLost { losses, .. } | Self::CaptureLost { losses, .. } if !losses.any() => {
+                "look whether the board restarted or the computer was busy; then test again"
+            }
             Self::SamplesLost { .. } => "check the cable to the board and its termination; a slower stream may help",
             Self::CaptureLost { .. } => "check the cable to the board and its termination; a slower stream may help",
             Self::Clock { fault, .. } => fault.hint(),

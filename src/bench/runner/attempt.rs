@@ -14,6 +14,7 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 
 use super::recovery::session_lives;
+use super::standstill::Standstill;
 use super::{Doing, End, Landed, Run};
 use crate::guidance::Guide;
 use crate::procedure::{self, AttemptClock, ProcedureContext, ProcedureError};
@@ -38,12 +39,16 @@ impl Run<'_> {
         // After a stop only teardown items run, and only a second stop ends those.
         let mixed = Cell::new(false);
         let may_stop = item.phase != Phase::Teardown;
+        let still = Standstill::new();
         let end = tokio::select! {
             biased;
             asked = self.control.asked_times(1), if may_stop => End::Stopped(asked),
             () = self.control.given_up(&item.name) => End::GivenUp,
             done = self.procedure((&lease, &guide, &mixed), board, item, attempt, &recorder, earlier) => End::Done(done),
+            never = still.watch() => match never {},
         };
+        // A simulated bench at another speed stands still when the station does.
+        let stood = still.longest().filter(|_| host_clock(&self.order.header.bench).is_ok());
         let end = match (end, lease.broken_stream()) {
             (End::Done(Ok(())), Some(broken)) => End::Done(Err(broken.into())),
             (end, _) => end,
@@ -72,7 +77,7 @@ impl Run<'_> {
         self.live.doing.send_modify(|live| live.retain(|doing| doing.item != item.name));
         let (requests, busy) = (lease.requests(), lease.busy());
         let (streams, refusals) = lease.listened();
-        Landed { position, attempt, end, requests, streams, refusals, busy, mixed: mixed.get() }
+        Landed { position, attempt, end, requests, streams, refusals, busy, mixed: mixed.get(), stood }
     }
 
     async fn procedure(

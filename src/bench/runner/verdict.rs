@@ -1,5 +1,7 @@
 //! The outcome of an attempt: by its measurements, and by the trouble that ended it.
 
+use std::time::Duration;
+
 use gnc_analysis::motion::watch::Spoilt;
 use gnc_board::BoardError;
 use gnc_executive::catalogue::{TEMPERATURE, TEMPERATURE_DRIFT};
@@ -19,6 +21,7 @@ pub(super) fn judge(
     item: &PlanItem,
     measured: &[Measurement],
     trouble: Option<&ProcedureError>,
+    stood: Option<Duration>,
 ) -> (Outcome, Option<AttemptError>) {
     let Some(trouble) = trouble else {
         let outcome = item.attempt_outcome(measured);
@@ -30,6 +33,16 @@ pub(super) fn judge(
         });
         return (outcome, error);
     };
+    // Nothing that the station missed says anything about the module, not even a restart: the board's watchdog does that.
+    if let Some(stood) = stood {
+        let text = format!(
+            "the station itself stood still for {:.1} s in this attempt, so nothing counts that it missed: {}",
+            stood.as_secs_f64(),
+            with_causes(trouble)
+        );
+        let hint = "keep the computer awake, and do not hold the program; then test again";
+        return (Outcome::Errored, Some(AttemptError { text, hint: hint.into(), again: false }));
+    }
     let outcome = match trouble {
         // The counts include what the line lost, so they say nothing about the module.
         ProcedureError::FramesLost { .. }
