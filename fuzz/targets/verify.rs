@@ -20,8 +20,9 @@ use libfuzzer_sys::fuzz_target;
 
 static DAY: LazyLock<(Witness, Tree)> = LazyLock::new(|| {
     let place = tempfile::tempdir().expect("a folder");
-    let witness = day::witnessed(place.path());
-    (witness, tree(&place.path().join("records")).expect("a tree"))
+    let public_key = day::write(place.path());
+    let records = place.path().join("records");
+    (Witness::of(&records, &public_key), tree(&records).expect("a tree"))
 });
 
 /// Files that a station reads although others may have written them, by the second byte.
