@@ -10,6 +10,7 @@ pub mod chain;
 mod closing;
 mod cut_off;
 pub mod digest;
+mod folded;
 pub(crate) mod folder;
 pub mod head;
 pub(crate) mod key;

@@ -95,8 +95,10 @@ fn the_newest_run_is_the_one_that_was_closed_last() {
     let swapped: String = lines
         .lines()
         .map(|line| match line.split_once(' ').expect("a number") {
-            ("1", rest) => format!("2 {rest}\n"),
-            (_, rest) => format!("1 {rest}\n"),
+            // Each run has a line when it begins and one when it is closed.
+            ("2", rest) => format!("4 {rest}\n"),
+            ("4", rest) => format!("2 {rest}\n"),
+            (number, rest) => format!("{number} {rest}\n"),
         })
         .collect();
     fs::write(&chain, swapped).expect("writable");

@@ -61,4 +61,6 @@ pub(crate) const COUNTER: &str = "COUNTER";
 const NOTHING: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
 #[cfg(test)]
+mod attacks;
+#[cfg(test)]
 mod tests;

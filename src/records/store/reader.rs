@@ -14,8 +14,8 @@ use gnc_executive::state::RunState;
 use super::begun::was_never_begun;
 use super::digest::FileDigests;
 use super::{
-    DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, chain, digest, goes_on, name, names,
-    on,
+    DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, chain, digest, folded, goes_on, name,
+    names, on,
 };
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
@@ -543,9 +543,10 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let mut problems = vec![format!("{DIGESTS} holds a line that is not a digest"); bad];
     problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
     let mut promised = sums.into_map();
+    let mut added = Vec::new();
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {
-            None => problems.push(format!("{} was added", file.display())),
+            None => added.push(file),
             // A link or a device in place of the file is not a file of the record, wherever it points.
             Some(_) if !folder.join(&file).symlink_metadata().is_ok_and(|meta| meta.is_file()) => {
                 problems.push(format!("{} was replaced by something that is not a file", file.display()));
@@ -557,7 +558,31 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
             },
         }
     }
-    problems.extend(promised.keys().map(|file| format!("{} is missing", file.display())));
+    // A copy on a disk that folds names has all files, and each under another name.
+    let folded = |file: &Path| folded::fold(&file.to_string_lossy());
+    let mut renamed = None;
+    if added.len() == promised.len() {
+        let is_copy = |file: &PathBuf, digest: &String| {
+            let copy = added.iter().find(|added| folded(added) == folded(file))?;
+            digest::of_file(&folder.join(copy))
+                .is_ok_and(|found| found == *digest)
+                .then(|| (file.clone(), copy.clone()))
+        };
+        let copies: Option<Vec<_>> = promised.iter().map(|(file, digest)| is_copy(file, digest)).collect();
+        renamed = copies.and_then(|copies| copies.first().cloned());
+    }
+    match renamed {
+        Some((was, is)) => problems.push(format!(
+            "{} files have other names, {} is {}: the run was copied to a file system that changes names",
+            added.len(),
+            was.display(),
+            is.display()
+        )),
+        None => {
+            problems.extend(added.iter().map(|file| format!("{} was added", file.display())));
+            problems.extend(promised.keys().map(|file| format!("{} is missing", file.display())));
+        }
+    }
     if let Some(state) = state {
         let stored = fs::read(folder.join(RECORD)).ok();
         let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());

@@ -8,7 +8,7 @@ use std::path::Path;
 use super::begin;
 use super::check::ChainBook;
 use super::entry::ChainEntry;
-use crate::store::{DIGESTS, StoreError, UNASSIGNED, digest, goes_on, on, reader};
+use crate::store::{DIGESTS, StoreError, UNASSIGNED, digest, folded, goes_on, on, reader};
 
 pub(super) fn check(book: &ChainBook, problems: &mut Vec<String>) {
     check_lines(book, &book.lines.iter().collect::<Vec<_>>(), problems);
@@ -42,7 +42,7 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
         let is_there = closed_folder(book, line, problems);
         match began.get(line.began_as()) {
             Some(begin) if begin.number > line.number => {
-                problems.push(format!("run {} ({}) was closed before it began", line.number, line.run))
+                problems.push(format!("run {} ({}) was closed before it began", line.number, line.run));
             }
             Some(begin) => {
                 let is_moved = line.from.as_ref().is_none_or(|from| {
@@ -54,7 +54,7 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
                 }
             }
             None if line.from.is_some() || since.is_some_and(|since| line.number > since) => {
-                problems.push(format!("run {} ({}) was closed, and no line says that it began", line.number, line.run))
+                problems.push(format!("run {} ({}) was closed, and no line says that it began", line.number, line.run));
             }
             None => {}
         }
@@ -81,7 +81,12 @@ fn closed_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>
             // Of a folder that cannot be entered it is not known either.
             match book.records.join(run).symlink_metadata() {
                 Ok(_) => problems.push(format!("run {number} ({run}) was closed, and its {DIGESTS} is missing")),
-                Err(_) => problems.push(format!("run {number} ({run}) was closed, and its folder is missing")),
+                Err(_) => problems.push(match folded::find(&book.records, run) {
+                    Some(found) => format!(
+                        "run {number} ({run}) stands here as {found}: it was copied to a file system that changes names"
+                    ),
+                    None => format!("run {number} ({run}) was closed, and its folder is missing"),
+                }),
             }
         }
         Err(error) => problems.push(format!("run {number} ({run}): {}", gnc_text::with_causes(&error))),

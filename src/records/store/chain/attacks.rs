@@ -1,0 +1,321 @@
+//! Attacks on a small folder of records that the real writer wrote with a key, and what is found of each: with nothing, with a
+//! copy of `COUNTER`, with the number on the last paper, and with the public key. The attacker may write everything but the key.
+
+mod forge;
+mod shelf;
+
+use std::fs;
+
+use super::Head;
+use forge::{CLOSE, Forge};
+use shelf::Shelf;
+
+/// What is found of an attack, as a reader sees it.
+fn told(shelf: &Shelf) -> String {
+    let modes: [(&str, bool, &[&Head]); 4] = [
+        ("nothing", false, &[]),
+        ("copy of COUNTER", false, &[&shelf.counter]),
+        ("last paper", false, &[&shelf.paper]),
+        ("key", true, &[]),
+    ];
+    let without = shelf.found(modes[0].1, modes[0].2);
+    let mut text = String::new();
+    for (mode, with_key, heads) in modes {
+        let found = shelf.found(with_key, heads);
+        // What is found with nothing is found in any case.
+        let more: Vec<_> = found.iter().filter(|found| mode == "nothing" || !without.contains(found)).collect();
+        assert!(without.iter().all(|problem| found.contains(problem)), "{mode}: {found:?}");
+        text.push_str(&format!("{mode}: {}\n", if more.is_empty() { "no more" } else { "" }).replace(": \n", ":\n"));
+        text.extend(more.iter().map(|problem| format!("    {problem}\n")));
+    }
+    text
+}
+
+#[track_caller]
+fn check(name: &str, attack: impl FnOnce(&Shelf)) {
+    let shelf = Shelf::new();
+    assert_eq!(shelf.found(true, &[&shelf.counter, &shelf.paper]), Vec::<String>::new(), "before the attack");
+    attack(&shelf);
+    insta::assert_snapshot!(name, told(&shelf));
+}
+
+#[test]
+fn a_sample_is_changed() {
+    check("changed", |shelf| shelf.change_journal("2026-11-21/B/110000-functional"));
+}
+
+#[test]
+fn a_failed_run_is_made_a_passed_one_with_its_digests() {
+    check("changed_digests", |shelf| {
+        shelf.change_journal("2026-11-21/B/110000-functional");
+        shelf.make_digests("2026-11-21/B/110000-functional");
+    });
+}
+
+#[test]
+fn a_failed_run_is_made_a_passed_one_with_digests_and_chain() {
+    check("changed_chain", |shelf| {
+        shelf.change_journal("2026-11-21/B/110000-functional");
+        shelf.make_digests("2026-11-21/B/110000-functional");
+        Forge::read(shelf).redigest(shelf).write(shelf);
+    });
+}
+
+#[test]
+fn a_failed_run_is_removed() {
+    check("removed", |shelf| shelf.remove("2026-11-21/B/110000-functional"));
+}
+
+#[test]
+fn a_failed_run_is_removed_with_its_lines() {
+    check("removed_lines", |shelf| {
+        shelf.remove("2026-11-21/B/110000-functional");
+        Forge::read(shelf).without("2026-11-21/B/").write_as_they_are(shelf);
+    });
+}
+
+#[test]
+fn a_failed_run_is_removed_and_the_chain_made_anew() {
+    check("removed_chain", |shelf| {
+        shelf.remove("2026-11-21/B/110000-functional");
+        Forge::read(shelf).without("2026-11-21/B/").write(shelf);
+    });
+}
+
+#[test]
+fn the_same_without_any_signature() {
+    check("removed_unsigned", |shelf| {
+        shelf.remove("2026-11-21/B/110000-functional");
+        Forge::read(shelf).without("2026-11-21/B/").unsigned().write(shelf);
+    });
+}
+
+#[test]
+fn two_modules_are_swapped() {
+    check("swapped", |shelf| shelf.swap("2026-11-22/A", "2026-11-22/B"));
+}
+
+#[test]
+fn two_modules_are_swapped_and_the_chain_made_anew() {
+    check("swapped_chain", |shelf| {
+        shelf.swap("2026-11-22/A", "2026-11-22/B");
+        let forge = Forge::read(shelf);
+        forge
+            .renamed("2026-11-22/A/", "2026-11-22/X/")
+            .renamed("2026-11-22/B/", "2026-11-22/A/")
+            .renamed("2026-11-22/X/", "2026-11-22/B/")
+            .write(shelf);
+    });
+}
+
+/// A good run of another day is put where the last one stood.
+#[test]
+fn an_old_run_gets_a_new_number() {
+    check("replayed", |shelf| {
+        shelf.copy("2026-11-21/A/100000-functional", "2026-11-22/A/160000-functional");
+        Forge::read(shelf).again("2026-11-21/A/100000-functional", "2026-11-22/A/160000-functional").write(shelf);
+    });
+}
+
+#[test]
+fn a_day_is_renamed() {
+    check("day_renamed", |shelf| shelf.rename("2026-11-22", "2026-11-23"));
+}
+
+#[test]
+fn a_day_is_renamed_and_the_chain_made_anew() {
+    check("day_renamed_chain", |shelf| {
+        shelf.rename("2026-11-22", "2026-11-23");
+        Forge::read(shelf).renamed("2026-11-22/", "2026-11-23/").write(shelf);
+    });
+}
+
+#[test]
+fn a_run_is_put_on_a_day_before_the_first() {
+    check("before_the_first", |shelf| {
+        shelf.copy("2026-11-21/A/100000-functional", "2026-11-20/A/100000-functional");
+    });
+}
+
+#[test]
+fn a_folder_is_replaced_by_a_link() {
+    check("link", |shelf| {
+        shelf.rename("2026-11-21/A/100000-functional", "elsewhere");
+        shelf.link("elsewhere", "2026-11-21/A/100000-functional");
+    });
+}
+
+#[test]
+fn the_newest_run_is_cut_off() {
+    check("cut", |shelf| {
+        shelf.remove("2026-11-22/B/150000-functional");
+        Forge::read(shelf).without("2026-11-22/B/").write(shelf);
+    });
+}
+
+/// A station is killed at the first failure, and its run goes.
+#[test]
+fn a_run_that_began_is_removed() {
+    check("began", |shelf| {
+        let begun = shelf.begin("2026-11-22T16:00:00+08:00", "A");
+        shelf.remove(&begun);
+    });
+}
+
+#[test]
+fn a_failed_run_is_called_one_of_another_module() {
+    check("unassigned", |shelf| {
+        shelf.rename("2026-11-21/B/110000-functional", "2026-11-21/_unassigned/110000-functional");
+        let from = "2026-11-21/B/110000-functional";
+        Forge::read(shelf).moved(from, "2026-11-21/_unassigned/110000-functional").write(shelf);
+    });
+}
+
+#[test]
+fn the_chain_is_removed() {
+    check("no_chain", |shelf| {
+        for file in ["2026-11-21/CHAIN", "2026-11-22/CHAIN", "COUNTER"] {
+            shelf.remove(file);
+        }
+    });
+}
+
+#[test]
+fn the_chain_of_a_day_is_removed() {
+    check("no_chain_of_day", |shelf| shelf.remove("2026-11-22/CHAIN"));
+}
+
+#[test]
+fn a_run_is_closed_twice() {
+    check("closed_twice", |shelf| {
+        Forge::read(shelf).again("2026-11-21/A/100000-functional", "2026-11-21/A/100000-functional").write(shelf);
+    });
+}
+
+#[test]
+fn the_line_of_a_beginning_is_removed() {
+    check("no_beginning", |shelf| {
+        Forge::read(shelf).keeping(|words| words[CLOSE] == "close" || !words[7].contains("11-22/A")).write(shelf);
+    });
+}
+
+#[test]
+fn a_day_is_copied_under_another_name() {
+    check("copied_day", |shelf| {
+        shelf.copy("2026-11-21/A/100000-functional", "2026-11-21 copy/A/100000-functional");
+        shelf.copy("2026-11-21/A/100000-functional", "2026-1-5/A/100000-functional");
+    });
+}
+
+/// No attack: a memory stick has no capital letters, and another system no colon and no tilde.
+#[test]
+fn names_are_folded_by_a_copy() {
+    check("folded", |shelf| {
+        shelf.rename("2026-11-22/B", "2026-11-22/b");
+        shelf.rename("2026-11-21/B/110000-functional/plan", "2026-11-21/B/110000-functional/PLAN");
+    });
+}
+
+/// A wrong clock is no attack. It is said, and nothing fails.
+#[test]
+fn a_clock_that_is_set_back_is_a_note() {
+    let shelf = Shelf::new();
+    shelf.run("2026-11-22T09:00:00+08:00", "C", "passed");
+    assert_eq!(shelf.found(true, &[&shelf.counter, &shelf.paper]), Vec::<String>::new());
+    assert_eq!(
+        shelf.notes(),
+        [
+            "the clock was set back: run 9 (2026-11-22/C/090000-functional) is of 2026-11-22 09:00:00, and run 8 before it of 2026-11-22 15:00:09"
+        ]
+    );
+}
+
+/// Runs that began and were closed while there was no key are told, and a chain is no worse for them.
+#[test]
+fn a_key_that_came_later_is_a_note() {
+    let shelf = Shelf::before_the_key();
+    assert_eq!(shelf.found(true, &[]), Vec::<String>::new());
+    assert_eq!(shelf.notes(), ["lines 1 to 4 of the chain are not signed: there was no key yet"]);
+    // A later one without a signature is found.
+    shelf.run_without_key("2026-11-22T16:00:00+08:00", "A", "passed");
+    insta::assert_snapshot!("key_lost", shelf.found(true, &[]).join("\n"));
+}
+
+/// A run that goes on, and one whose station ended, are no holes.
+#[test]
+fn a_run_that_goes_on_is_no_hole() {
+    let shelf = Shelf::new();
+    let begun = shelf.begin("2026-11-22T16:00:00+08:00", "A");
+    let checked = super::verify(shelf.path()).unwrap();
+    assert_eq!((checked.runs, checked.problems), (4, Vec::new()));
+    let place = super::place_of(&shelf.path().join(&begun)).unwrap().unwrap();
+    assert_eq!(fs::read_to_string(shelf.path().join("COUNTER")).unwrap(), format!("{place}\n"));
+}
+
+/// The line of the beginning is on disk before the first event is said to be written. Where it cannot be written the run does not
+/// begin, and its folder goes.
+#[test]
+fn a_run_whose_beginning_cannot_be_written_does_not_begin() {
+    let shelf = Shelf::new();
+    shelf.remove("2026-11-22/CHAIN");
+    fs::create_dir(shelf.path().join("2026-11-22/CHAIN")).unwrap();
+    let error = shelf.try_to_begin("2026-11-22T16:00:00+08:00", "C").unwrap_err();
+    assert!(gnc_text::with_causes(&error).contains("CHAIN"), "{error}");
+    assert!(!shelf.path().join("2026-11-22/C").exists(), "no half run is left");
+}
+
+/// `records verify RUN` looks at the lines of that run and at their neighbours.
+#[test]
+fn one_run_is_verified_with_its_lines() {
+    let of = |shelf: &Shelf, run: &str| shelf.found_of(run);
+    let runs = ["2026-11-21/A/100000-functional", "2026-11-22/A/140000-functional", "2026-11-22/B/150000-functional"];
+    let shelf = Shelf::new();
+    for run in runs {
+        assert_eq!(of(&shelf, run), Vec::<String>::new());
+    }
+    shelf.remove("2026-11-21/B/110000-functional");
+    Forge::read(&shelf).without("2026-11-21/B/").write_as_they_are(&shelf);
+    let told = runs.map(|run| format!("{run}\n    {}\n", of(&shelf, run).join("\n    ")));
+    insta::assert_snapshot!("one_run_beside_a_hole", told.concat());
+
+    let shelf = Shelf::new();
+    shelf.remove("2026-11-21/B/110000-functional");
+    Forge::read(&shelf).without("2026-11-21/B/").write(&shelf);
+    let told = runs.map(|run| format!("{run}\n    {}\n", of(&shelf, run).join("\n    ")));
+    insta::assert_snapshot!("one_run_of_a_chain_made_anew", told.concat());
+}
+
+/// Runs of a simulated bench have no key. They are told, and hide nothing: what was signed behind them keeps them in their place.
+#[test]
+fn simulated_runs_among_signed_ones_are_a_note() {
+    let shelf = Shelf::new();
+    shelf.simulated("2026-11-22T16:00:00+08:00", "A");
+    shelf.run("2026-11-22T17:00:00+08:00", "A", "passed");
+    assert_eq!(shelf.found(true, &[]), Vec::<String>::new());
+    assert_eq!(
+        shelf.notes(),
+        ["2 lines of the chain are of simulated runs and not signed: a simulated bench has no key"]
+    );
+    shelf.remove("2026-11-22/A/160000-functional");
+    Forge::read(&shelf).without("2026-11-22/A/16").write(&shelf);
+    let found = shelf.found(true, &[]);
+    assert!(found.iter().all(|found| found.contains("is not by this key")) && found.len() == 2, "{found:?}");
+}
+
+/// Each word and each byte of the lines counts: a byte changed in chains or counter is found, at each 61st place.
+#[test]
+fn each_byte_of_the_chain_counts() {
+    let shelf = Shelf::new();
+    for file in ["2026-11-21/CHAIN", "2026-11-22/CHAIN", "COUNTER"] {
+        let path = shelf.path().join(file);
+        let before = fs::read(&path).unwrap();
+        for at in (0..before.len()).step_by(61) {
+            let mut bytes = before.clone();
+            bytes[at] = if bytes[at] == b'0' { b'1' } else { b'0' };
+            fs::write(&path, &bytes).unwrap();
+            assert!(!shelf.chain_found().is_empty(), "byte {at} of {file}");
+        }
+        fs::write(&path, &before).unwrap();
+    }
+    assert_eq!(shelf.chain_found(), Vec::<String>::new());
+}
