@@ -271,7 +271,16 @@ impl Observer for Shown<'_> {
         if let Some(junit) = &mut self.junit {
             junit.add(folder, ending);
         }
-        if let Some(error) = &ending.store_error {
+        if let Some(error) = ending.store_error.as_ref().filter(|_| !folder.exists()) {
+            // The chain could not take up that the run begins, so it did not.
+            complain(
+                format_args!(
+                    "ERRORED: this run is not a pass, because its record could not be begun: {}; nothing was tested",
+                    with_causes(error)
+                ),
+                error.try_this(),
+            );
+        } else if let Some(error) = &ending.store_error {
             complain(
                 format_args!(
                     "ERRORED: this run is not a pass, because its record could not be written: {}; the incomplete record is in {}",

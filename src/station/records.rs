@@ -82,7 +82,8 @@ fn show(folder: &Path) -> ExitCode {
             }
             let lacks = || LateCloses::default().lacks(folder).is_ok_and(|lacks| lacks);
             if !run.interrupted && !goes_on(folder) && (!reader::is_sealed(folder) || lacks()) {
-                out.say("\nNOT CLOSED: its station ended, or could not write, before the run was in the chain; it is not a pass");
+                out.say("");
+                out.say("NOT CLOSED: its station ended, or could not write, before the run was in the chain; it is not a pass");
             }
             if let Ok(Some(place)) = chain::place_of(folder) {
                 out.say(format_args!("\nChain: {place}"));

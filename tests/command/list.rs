@@ -171,7 +171,13 @@ fn a_run_that_goes_on_is_called_running() {
     child.wait().expect("its end");
     drop(events);
     assert_eq!(serial_numbers(&place, &["--outcome", "interrupted"]), ["T-9"]);
-    assert_eq!(place.run(["records", "verify"]).code, Some(1));
+    let left = place.run(["records", "verify"]);
+    assert_eq!(left.code, Some(3), "{}{}", left.stdout, left.stderr);
+    assert!(
+        left.stdout.contains("interrupted: its station ended in the run; the next start seals it"),
+        "{}",
+        left.stdout
+    );
     let doctor = place.run(["doctor"]);
     assert!(doctor.stdout.contains("1 of 2 runs in records have no end"), "{}", doctor.stdout);
 }

@@ -130,13 +130,22 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             found.problems.push(what);
         }
         let mut unsigned = None;
+        let mut broke_off = None;
         if let Some((run, book)) = books.of(folder) {
             if !against.keys.is_empty() && !reader::is_signed(folder) {
                 unsigned = book.why_unsigned(&run);
             }
             if all.is_none() && reader::is_sealed(folder) {
-                found.problems.extend(book.of_run(&run, against.keys));
+                broke_off = book.broke_off(&run);
+                if broke_off.is_none() {
+                    found.problems.extend(book.of_run(&run, against.keys));
+                }
             }
+        }
+        if let Some(what) = broke_off.filter(|_| found.problems.is_empty()) {
+            incomplete += 1;
+            out.say_of(&place.to_string(), printable(&what));
+            continue;
         }
         if unsigned.is_none() {
             found.problems.extend(reader::verify_signature(folder, against.keys));

@@ -148,6 +148,15 @@ impl ChainBook {
         self.close_of(&name_in(&self.records, run)).is_some()
     }
 
+    /// What to say of a run with digests that began by the chain and was not closed by it: its station ended meanwhile. `None` for
+    /// other runs; one that was slipped in has no line of its beginning.
+    #[must_use]
+    pub fn broke_off(&self, run: &Path) -> Option<String> {
+        let name = name_in(&self.records, run);
+        let has_begun = self.lines.iter().any(|line| !line.is_close() && line.run == name);
+        (has_begun && self.close_of(&name).is_none()).then(|| closing_broke_off(&name))
+    }
+
     /// The line of a closed run.
     pub(super) fn close_of(&self, run: &str) -> Option<&ChainEntry> {
         self.lines.iter().find(|line| line.is_close() && line.run == run)
@@ -197,9 +206,7 @@ impl ChainBook {
             self.lines.iter().filter(|line| !line.is_close()).map(|line| line.run.as_str()).collect();
         for name in later {
             if begun.contains(name.as_str()) {
-                checked.incomplete.push(format!(
-                    "{name} is not in the chain: its station ended, or could not write, while it closed the run; the next start goes on"
-                ));
+                checked.incomplete.push(closing_broke_off(name));
                 continue;
             }
             checked.problems.push(format!(
@@ -322,6 +329,12 @@ impl ChainBook {
     pub fn why_unsigned(&self, run: &Path) -> Option<&'static str> {
         signed::why_unsigned(self, &name_in(&self.records, run))
     }
+}
+
+fn closing_broke_off(name: &str) -> String {
+    format!(
+        "{name} is not in the chain: its station ended, or could not write, while it closed the run; the next start goes on"
+    )
 }
 
 /// Whether the counter is empty, or holds zeros alone.
