@@ -249,6 +249,19 @@ impl RunRecord {
         })
     }
 
+    /// As [`Self::from_state`], without a second copy of the measurements, which may take hundreds of megabytes.
+    pub fn of_folded(mut state: RunState) -> Option<Self> {
+        let measured =
+            |attempt: &mut Attempt| (std::mem::take(&mut attempt.measurements), std::mem::take(&mut attempt.details));
+        let measured: Vec<_> = state.attempts_mut().map(measured).collect();
+        let mut record = Self::from_state(&state)?;
+        let attempts = record.items.iter_mut().flat_map(|item| &mut item.attempts);
+        for (attempt, (measurements, details)) in attempts.zip(measured) {
+            (attempt.measurements, attempt.details) = (measurements, details);
+        }
+        Some(record)
+    }
+
     /// Whether the record may speak for the module: the bench is real, the plan is whole, the run has an end, its
     /// verdict is the one that was given when the module was measured, and the module is the one that was scanned.
     pub fn is_evidence(&self) -> bool {

@@ -243,6 +243,11 @@ impl RunState {
         &self.rows
     }
 
+    /// All attempts, to move out what takes the memory of a run that nothing follows.
+    pub(crate) fn attempts_mut(&mut self) -> impl Iterator<Item = &mut Attempt> {
+        self.rows.iter_mut().flat_map(|row| &mut row.attempts)
+    }
+
     /// The row of an item.
     pub fn row(&self, name: &str) -> Option<&Row> {
         self.rows.get(self.index(name)?)

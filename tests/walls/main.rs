@@ -4,6 +4,7 @@
 
 mod graph;
 mod page;
+mod paths;
 mod sentences;
 mod source;
 mod workspace;

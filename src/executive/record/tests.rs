@@ -60,11 +60,15 @@ fn a_run_without_end_is_interrupted() {
     for kept in 1..lines.len() {
         let state = journal::fold(lines[..kept].concat().as_bytes()).unwrap().state;
         let record = RunRecord::from_state(&state).unwrap();
+        assert_eq!(RunRecord::of_folded(state).as_ref(), Some(&record));
         assert!(record.interrupted && record.verdict == Verdict::Module(Outcome::Aborted) && record.finished.is_none());
         assert!(!record.is_evidence());
         validate(&serde_json::to_value(&record).unwrap());
     }
     assert_eq!(RunRecord::from_state(&RunState::new()), None);
+    let whole = journal::fold(lines.concat().as_bytes()).unwrap().state;
+    assert!(whole.rows().iter().flat_map(|row| &row.attempts).any(|attempt| !attempt.measurements.is_empty()));
+    assert_eq!(RunRecord::of_folded(whole.clone()), RunRecord::from_state(&whole));
 }
 
 #[test]

@@ -414,8 +414,7 @@ fn day_of(folder: &Path) -> Option<NaiveDate> {
 /// # Errors
 /// [`ReadError`].
 pub fn read(folder: &Path) -> Result<RunRecord, ReadError> {
-    let state = fold(folder)?;
-    RunRecord::from_state(&state).ok_or(ReadError::Empty)
+    RunRecord::of_folded(fold(folder)?).ok_or(ReadError::Empty)
 }
 
 /// Folds a run's journal.
@@ -597,7 +596,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     if let Some(state) = state {
         let stored = fs::read(folder.join(RECORD)).ok();
         let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
-        match (stored, RunRecord::from_state(&state)) {
+        match (stored, RunRecord::of_folded(state)) {
             (Some(stored), Some(folded)) if stored == folded => {}
             _ => problems.push(format!("{RECORD} does not say what {JOURNAL} says")),
         }
