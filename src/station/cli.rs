@@ -70,6 +70,10 @@ enum Command {
         /// Judges the run by this plan instead, and writes the result to a new folder beside the run.
         #[arg(long, value_name = "FILE")]
         plan: Option<PathBuf>,
+        /// The private key that signs what is written beside the run; by default the one of the bench file. A run that this key did
+        /// not sign gets no signature by it.
+        #[arg(long, value_name = "FILE", requires = "plan")]
+        key: Option<PathBuf>,
         #[command(flatten)]
         records: RecordsArgs,
     },
@@ -187,7 +191,9 @@ pub fn main() -> ExitCode {
                 Err(refusal) => crate::refusal::refuse(refusal.what, &refusal.try_this),
             }
         }
-        Some(Command::Recompute { run, plan, records }) => crate::recompute::run(&run, &records, plan.as_deref()),
+        Some(Command::Recompute { run, plan, key, records }) => {
+            crate::recompute::run(&run, &records, plan.as_deref(), key.as_deref())
+        }
         Some(Command::Export { run, format, out, records }) => {
             crate::export::run(&run, &records, format, out.as_deref())
         }
