@@ -86,43 +86,61 @@ fn a_removed_failure_does_not_open_the_gate() {
     assert!(report.contains("requires a pass of incoming") && !report.contains("has not ended"), "{report}");
 }
 
-/// A simulated pass of the same number does not let a real run begin; a real one does, as long as its record is as it was
-/// closed.
+/// Neither a simulated pass of the same number nor one on a bench that does not prove its board lets a run begin there, and the
+/// unproven one lets none begin on a simulated bench either. `.ci/run can guest` begins one on serial ports.
 #[test]
-fn a_real_bench_asks_for_a_real_pass() {
+fn a_bench_asks_for_a_real_pass() {
     let board = Board::start(MOCK, &["--speed", "max", "--serial-number", "SIM-0001"]);
     let place = place(CPU);
-    place.write("bench.toml", &board.bench_file("line-2"));
+    let own_name = place.path().join("board");
+    std::os::unix::fs::symlink(&board.port, &own_name).expect("a link");
+    for bench in
+        [board.bench_file("line-2"), board.bench_file("line-2").replace(&board.port, &own_name.to_string_lossy())]
+    {
+        place.write("bench.toml", &bench);
+        let before = place.runs().len();
+        let unproven = run(&place, "incoming", &[]);
+        assert_eq!(unproven.code, Some(0), "{}{}", unproven.stdout, unproven.stderr);
+        assert!(unproven.stdout.contains("PASSED (unproven)  SIM-0001"), "{}", unproven.stdout);
+        let banner =
+            format!("UNPROVEN BENCH (port {} is a pseudo-terminal)", bench.split('"').nth(3).unwrap_or_default());
+        assert!(unproven.stdout.contains(&banner), "{}", unproven.stdout);
+        let last = unproven.stdout.lines().last().unwrap_or_default();
+        assert!(last.starts_with("SIM-0001: incoming passed ") && last.ends_with(": unproven"), "{last}");
+        for more in [&[][..], &SIM] {
+            let then = run(&place, "functional", more);
+            refused(&then, (&place, before + 1), "incoming passed ");
+            assert!(then.stderr.contains(": unproven"), "{}", then.stderr);
+        }
+    }
     assert_eq!(run(&place, "incoming", &[&SIM[..], &["--records", "records"]].concat()).code, Some(0));
-    let simulated = run(&place, "functional", &[]);
-    refused(&simulated, (&place, 1), "incoming passed ");
-    assert!(simulated.stderr.contains(": simulated"), "{}", simulated.stderr);
-    let real = run(&place, "incoming", &[]);
-    assert_eq!(real.code, Some(0), "{}{}", real.stdout, real.stderr);
-    let last = real.stdout.lines().last().unwrap_or_default();
-    assert!(last.starts_with("SIM-0001: incoming passed ") && !last.contains("simulated"), "{last}");
-    let then = run(&place, "functional", &[]);
-    assert_eq!(then.code, Some(0), "{}{}", then.stdout, then.stderr);
+    refused(&run(&place, "functional", &[]), (&place, 3), "incoming passed ");
+    assert_eq!(run(&place, "functional", &SIM).code, Some(0), "a simulated run takes a simulated pass");
+}
 
+#[test]
+fn a_pass_whose_record_was_changed_or_that_left_the_chain_is_none() {
+    let place = place(CPU);
+    assert_eq!(run(&place, "incoming", &SIM).code, Some(0));
     // Somebody corrects a record, or loses the chain.
     let incoming = place.runs().into_iter().find(|run| {
         let record = fs::read_to_string(run.join("run.json")).expect("a record");
-        record.contains("\"name\": \"incoming\"") && record.contains("\"kind\": \"real\"")
+        record.contains("\"name\": \"incoming\"")
     });
-    let incoming = incoming.expect("the real one");
+    let incoming = incoming.expect("the pass");
     let path = incoming.join("run.json");
     let record = fs::read_to_string(&path).expect("a record");
-    fs::write(&path, record.replace("\"station\": \"line-2\"", "\"station\": \"line-3\"")).expect("writable");
-    let changed = run(&place, "functional", &[]);
+    fs::write(&path, record.replace("\"station\": \"sim\"", "\"station\": \"line-3\"")).expect("writable");
+    let changed = run(&place, "functional", &SIM);
     assert_eq!(changed.code, Some(3), "{}{}", changed.stdout, changed.stderr);
     assert!(changed.stderr.contains(": record was changed"), "{}", changed.stderr);
     let list = place.run(["records", "list"]);
     assert_eq!(list.stdout.matches(" record was changed").count(), 1, "{}", list.stdout);
     fs::write(&path, record).expect("writable");
-    assert_eq!(run(&place, "functional", &[]).code, Some(0));
+    assert_eq!(run(&place, "functional", &SIM).code, Some(0));
     let chain = incoming.ancestors().nth(2).expect("a day").join("CHAIN");
     fs::remove_file(chain).expect("a chain");
-    let unchained = run(&place, "functional", &[]);
+    let unchained = run(&place, "functional", &SIM);
     assert_eq!(unchained.code, Some(3), "{}{}", unchained.stdout, unchained.stderr);
     assert!(unchained.stderr.contains(": not in the chain"), "{}", unchained.stderr);
 }

@@ -55,6 +55,8 @@ pub(crate) struct ProcedureContext<'a> {
     pub site: Option<&'a BenchSite>,
     /// The bench's CAN bus, unless the conversation with the board uses it.
     pub can: Option<&'a CanTarget>,
+    /// Whether the record says that the bench is real.
+    pub is_real: bool,
     /// The module of the run.
     pub module: &'a ModuleSeen,
     /// Findings of the items that ended before this attempt, in the order of the plan, each with its name.

@@ -23,7 +23,7 @@ use futures_util::future::{FutureExt as _, LocalBoxFuture};
 use futures_util::stream::{FuturesUnordered, StreamExt as _};
 use gnc_board::{Advance, BoardClient, BoardError, BoardLease, Readings};
 use gnc_executive::bench::BenchSite;
-use gnc_executive::event::{AttemptError, EventKind, NoteLevel, RunHeader, StopHow};
+use gnc_executive::event::{AttemptError, BenchKind, EventKind, NoteLevel, RunHeader, StopHow};
 use gnc_executive::job::{BoardAbilities, Job, Next};
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::plan::PlanItem;
@@ -285,12 +285,17 @@ impl Run<'_> {
         worked.and(safe)
     }
 
+    /// Whether the record says that the bench is real.
+    fn is_real(&self) -> bool {
+        self.order.header.bench.kind == BenchKind::Real
+    }
+
     /// Returns the board; `None`: there is no board, or a stop was asked for.
     async fn find_board(&self) -> Result<Option<BoardClient>, StoreError> {
         let connected = tokio::select! {
             biased;
             asked = self.control.asked_times(1) => Err(asked),
-            connected = connect(&self.order.target, self.nonce(), &self.live.readings) => Ok(connected),
+            connected = connect(&self.order.target, self.is_real(), self.nonce(), &self.live.readings) => Ok(connected),
         };
         match connected {
             Ok(Ok(board)) => return Ok(Some(board)),

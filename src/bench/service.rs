@@ -14,8 +14,8 @@ use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset};
 use gnc_config::Mistakes;
-use gnc_executive::bench::BenchSite;
-use gnc_executive::event::{BenchInfo, BenchKind, Loop, ProgramVersion, RunHeader, events_form};
+use gnc_executive::bench::{BenchSite, PinError, PinnedPlans};
+use gnc_executive::event::{BenchInfo, BenchKind, Loop, PlanInfo, ProgramVersion, RunHeader, events_form};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::numbers::{self, NumberError, NumberField};
 use gnc_executive::outcome::Outcome;
@@ -67,6 +67,8 @@ pub struct Equipment {
     pub serial_number: Option<SerialNumberPattern>,
     /// Numbers beside it that each run on this bench is asked for.
     pub numbers: Vec<NumberField>,
+    /// The plans that the bench runs, if it does not run any.
+    pub plans: PinnedPlans,
     /// Whether a person says that the clock is right, whatever speaks against it.
     pub clock_is_right: bool,
 }
@@ -162,6 +164,9 @@ pub enum ServiceError {
     /// The bench cannot run the plan.
     #[error(transparent)]
     Unfit(#[from] Mistakes),
+    /// The bench file pins other plans.
+    #[error(transparent)]
+    Pinned(#[from] PinError),
     /// The serial number is none of this bench or this plan.
     #[error("{} does not fit the pattern {pattern} of the {of}", gnc_text::quoted(serial_number))]
     SerialNumber {
@@ -213,6 +218,7 @@ impl ServiceError {
         match self {
             Self::Resume(error) => error.try_this(),
             Self::Clock(error) => error.try_this(),
+            Self::Pinned(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
             Self::Requires { .. } => {
                 "run that plan on this module first; the whole plan must pass, on a bench like this one"
@@ -339,8 +345,10 @@ impl Ready {
             site,
             serial_number,
             numbers: asked,
+            plans,
             clock_is_right,
         } = equipment;
+        plans.check(&request.plan.plan().name, request.plan.sha256())?;
         for (of, pattern) in [("bench", &serial_number), ("plan", &request.plan.plan().serial_number)] {
             if let Some(pattern) = pattern.as_ref().filter(|pattern| !pattern.fits(&request.serial_number)) {
                 let (serial_number, pattern) = (request.serial_number.clone(), pattern.to_string());
@@ -358,6 +366,9 @@ impl Ready {
             let items = job.plan().items().iter().map(|item| &item.name);
             items.filter(|name| names.contains(name)).cloned().collect::<Vec<_>>()
         });
+        // The way to the board decides, and each instrument beside it. What is opened later must be what was seen here.
+        let doubt = target.doubt().or_else(|| can.as_ref().and_then(CanTarget::doubt));
+        let bench = bench.in_doubt(doubt.map(|doubt| doubt.to_string()));
         let mut header = RunHeader {
             schema: events_form(request.selection.as_deref()).to_owned(),
             serial_number: request.serial_number.clone(),
@@ -379,7 +390,7 @@ impl Ready {
             let at = request.began.unwrap_or_else(clock::now);
             clock::check(at, header.program.build.as_ref(), reader::newest_day(&records))?;
         }
-        Self::check_required(request, &records, header.bench.kind)?;
+        Self::check_required(request, &records, &plans, header.bench.kind)?;
         let like = Like::header(&header, request.plan.plan().valid_days, request.began.unwrap_or_else(clock::now));
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, like)).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
@@ -394,11 +405,23 @@ impl Ready {
     }
 
     /// Looks for a valid pass of each plan that must come before.
-    fn check_required(request: &RunRequest, records: &Path, bench: BenchKind) -> Result<(), ServiceError> {
+    /// If the bench pins that plan, only a pass by the pinned text counts.
+    fn check_required(
+        request: &RunRequest,
+        records: &Path,
+        plans: &PinnedPlans,
+        bench: BenchKind,
+    ) -> Result<(), ServiceError> {
         let (plan, serial_number) = (request.plan.plan(), request.serial_number.as_str());
         let (valid_days, now) = (plan.valid_days, request.began.unwrap_or_else(clock::now));
         for required in &plan.requires_plan {
-            let question = Question { serial_number, plan: PlanAsked::Named(required), valid_days, bench, now };
+            let pinned = plans.of(required).map(|sha256| PlanInfo {
+                name: required.clone(),
+                version: String::new(),
+                sha256: sha256.to_owned(),
+            });
+            let asked = pinned.as_ref().map_or(PlanAsked::Named(required), PlanAsked::This);
+            let question = Question { serial_number, plan: asked, valid_days, bench, now };
             let standing = standing::read(records, &question)?;
             if !standing.passes_beyond_doubt() {
                 let (plan, serial_number) = (plan.name.clone(), gnc_text::printable(serial_number).into_owned());

@@ -8,6 +8,9 @@
 //! serial_number = "SN-[0-9]{4}"      # optional: a regular expression that the whole number of each module matches
 //! plan = "plans/functional.toml"     # optional: the plan with which the screen opens, relative to this file
 //!
+//! [plans]                            # optional: the plans of this bench and no others, by the digests of their texts
+//! acceptance = "sha256:0123..."      # `gnc-station plan check` prints the line
+//!
 //! [operator]                         # optional
 //! required = true                    # no run begins without a name
 //! name = "A. Chen"                   # the operator, if the command line and the screen name none
@@ -54,6 +57,7 @@
 
 mod habits;
 mod imperfections;
+mod pinned;
 
 use chrono::NaiveTime;
 use gnc_config::{Mistakes, SourceText, Span, TomlTable, read};
@@ -62,6 +66,7 @@ use serde::{Deserialize, Serialize};
 
 pub use habits::{DrawPictures, Hook, OperatorHabit, VerdictHabit};
 pub use imperfections::BenchImperfections;
+pub use pinned::{PinError, PinnedPlans, ShortDigest};
 
 use crate::numbers::{self, NumberField};
 use crate::quantity::{Dimension, Unit, bounded_at, quantity_at};
@@ -90,6 +95,8 @@ pub struct BenchFile {
     pub key: Option<String>,
     /// The plan with which the screen opens, as written; `None` if the program chooses it.
     pub plan: Option<String>,
+    /// The plans that the bench runs, if it does not run any.
+    pub plans: PinnedPlans,
     /// Who tests.
     pub operator: OperatorHabit,
     /// What follows a verdict.
@@ -211,12 +218,14 @@ impl BenchFile {
             let pictures = root.within("screen", habits::pictures).unwrap_or_default();
             let shifts = root.within("shift", habits::shifts).unwrap_or_default();
             let numbers = numbers::read(root);
+            let plans = pinned::plans(root);
             let Station { id: station_id, records, key, plan, serial_number } = station;
             BenchFile {
                 station_id,
                 records,
                 key,
                 plan,
+                plans,
                 operator,
                 verdict,
                 pictures,

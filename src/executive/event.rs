@@ -267,8 +267,11 @@ impl fmt::Display for ProgramVersion {
 /// The bench of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BenchInfo {
-    /// Simulated or real; a simulated one is never evidence.
+    /// Simulated, unproven or real; only a real one is evidence.
     pub kind: BenchKind,
+    /// Why an unproven bench does not prove that it has a board.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unproven: Option<String>,
     /// Name or file of the simulated module.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub personality: Option<String>,
@@ -294,12 +297,22 @@ impl BenchInfo {
     pub fn real() -> Self {
         Self {
             kind: BenchKind::Real,
+            unproven: None,
             personality: None,
             speed: None,
             seed: None,
             port: None,
             rate_bps: None,
             site: None,
+        }
+    }
+
+    /// The same bench, of which something does not prove that it has a board. A simulated bench stays simulated: that says more.
+    #[must_use]
+    pub fn in_doubt(self, why: Option<String>) -> Self {
+        match self.kind {
+            BenchKind::Real if why.is_some() => Self { kind: BenchKind::Unproven, unproven: why, ..self },
+            BenchKind::Real | BenchKind::Unproven | BenchKind::Simulated => self,
         }
     }
 
@@ -316,13 +329,29 @@ impl BenchInfo {
 }
 
 /// Whether a bench is real.
+///
+/// A program can play a board on a pseudo-terminal or on a virtual CAN interface. Such a bench looks like a real one but for its
+/// link, and is called unproven: what it measures says nothing about a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BenchKind {
     /// A program plays the board and the module.
     Simulated,
+    /// A program may play the board: its link does not prove that it has one.
+    Unproven,
     /// A real board and a real module.
     Real,
+}
+
+impl BenchKind {
+    /// The kind in a word.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Simulated => "simulated",
+            Self::Unproven => "unproven",
+            Self::Real => "real",
+        }
+    }
 }
 
 /// The plan of a run.

@@ -2,7 +2,7 @@
 //!
 //! A verdict counts for a module if its run covered the whole plan, on a real bench, by just this plan, not longer ago than
 //! the plan allows, and if its record is closed, stands in the chain and is as it was closed. A run on a simulated bench
-//! counts on a simulated bench alone. Everything else is called what it is: see [`Flaw`].
+//! counts on a simulated bench alone, and a run on an unproven bench counts nowhere. Everything else is called what it is: see [`Flaw`].
 //!
 //! This file is the rule and its words. It opens no file: the crate of the records finds the runs.
 
@@ -78,6 +78,8 @@ pub enum Flaw {
     Changed,
     /// A program played the module.
     Simulated,
+    /// A program may have played the board.
+    Unproven,
     /// Old samples were judged again.
     Rejudged,
     /// Another plan.
@@ -111,6 +113,7 @@ impl Flaw {
             Self::ClosedLate => "closed late",
             Self::Changed => "record was changed",
             Self::Simulated => "simulated",
+            Self::Unproven => "unproven",
             Self::Rejudged => "re-judged by other limits",
             Self::OtherVersion => "by another version of the plan",
             Self::TooOld => "too long ago",
@@ -187,6 +190,7 @@ impl RunFacts {
         let flaws = [
             (self.interrupted, Flaw::Interrupted),
             (self.bench == BenchKind::Simulated, Flaw::Simulated),
+            (self.bench == BenchKind::Unproven, Flaw::Unproven),
             (self.rejudged, Flaw::Rejudged),
             (self.selection.is_some(), Flaw::Selection),
             (!judged, Flaw::NoVerdict),
@@ -231,8 +235,8 @@ pub struct PastRun {
     pub verdict: Option<Verdict>,
     /// Its chosen items, if it was a selection.
     pub items: Option<Vec<String>>,
-    /// Whether a program played the module.
-    pub simulated: bool,
+    /// Whether the bench was real; taken as real if nothing tells.
+    pub bench: BenchKind,
     /// Whether its record is known to be another one than was closed, so that nothing in it can be believed.
     pub is_broken: bool,
     /// Why it does not count; empty if it does.
@@ -242,7 +246,7 @@ pub struct PastRun {
 impl PastRun {
     /// A run of which only the name of its folder is known.
     pub fn nameless(plan: String, at: Option<DateTime<FixedOffset>>, flaw: Flaw) -> Self {
-        Self { at, plan, verdict: None, items: None, simulated: false, is_broken: false, flaws: vec![flaw] }
+        Self { at, plan, verdict: None, items: None, bench: BenchKind::Real, is_broken: false, flaws: vec![flaw] }
     }
 
     /// A run with what is known of it, and why it does not count.
@@ -252,7 +256,7 @@ impl PastRun {
             plan: facts.plan.name.clone(),
             verdict: facts.verdict,
             items: facts.selection.clone(),
-            simulated: facts.bench == BenchKind::Simulated,
+            bench: facts.bench,
             is_broken: false,
             flaws,
         }
@@ -275,12 +279,18 @@ impl PastRun {
         may_be_of_it && (failed || self.flaws.iter().any(hides))
     }
 
+    /// Whether the run can say anything on such a bench: one that did not prove its board says nothing on a bench that is no
+    /// simulation.
+    pub fn is_of_world(&self, of: BenchKind) -> bool {
+        of == BenchKind::Simulated || self.bench == BenchKind::Real
+    }
+
     /// Whether a pass before this run is in doubt because of it. A run whose record was altered is a doubt whatever it says.
     pub fn is_doubt(&self, of: BenchKind) -> bool {
         if self.is_broken {
             return true;
         }
-        let of_this_world = of == BenchKind::Simulated || !self.simulated;
+        let of_this_world = self.is_of_world(of);
         let good = self.verdict.is_some_and(|verdict| verdict.of_items().is_good());
         of_this_world && !self.flaws.contains(&Flaw::Rejudged) && !good
     }
@@ -344,7 +354,7 @@ impl fmt::Display for PastRun {
             write!(f, " {}", at.format("%F %H:%M"))?;
         }
         // On a simulated bench that is no flaw, and still no evidence.
-        if self.simulated && !self.flaws.contains(&Flaw::Simulated) {
+        if self.bench == BenchKind::Simulated && !self.flaws.contains(&Flaw::Simulated) {
             f.write_str(", simulated")?;
         }
         let flaws: Vec<&str> = self.flaws.iter().filter_map(|flaw| flaw.words()).collect();
@@ -394,6 +404,7 @@ mod tests {
 
     fn nameless(plan: &str, flaw: Option<Flaw>) -> PastRun {
         let flaws = flaw.into_iter().collect();
-        PastRun { at: None, plan: plan.into(), verdict: None, items: None, simulated: false, is_broken: false, flaws }
+        let bench = BenchKind::Real;
+        PastRun { at: None, plan: plan.into(), verdict: None, items: None, bench, is_broken: false, flaws }
     }
 }

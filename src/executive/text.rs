@@ -117,6 +117,7 @@ fn breach_line(breach: &BreachRecord) -> String {
 pub fn caveats(record: &RunRecord) -> Vec<&'static str> {
     let all = [
         (record.bench.kind == BenchKind::Simulated, "simulated"),
+        (record.bench.kind == BenchKind::Unproven, "unproven"),
         (record.selection.is_some(), "selection"),
         (record.recomputed.is_some(), "re-judged"),
         (record.other_module.is_some(), "other module"),
@@ -130,6 +131,10 @@ pub fn banners(record: &RunRecord) -> Vec<String> {
     if record.bench.kind == BenchKind::Simulated {
         let personality = record.bench.personality.as_deref().unwrap_or("unknown");
         banners.push(format!("SIMULATED BENCH ({}): no evidence about any module", printable(personality)));
+    }
+    if record.bench.kind == BenchKind::Unproven {
+        let why = record.bench.unproven.as_deref().unwrap_or("a program may play the board");
+        banners.push(format!("UNPROVEN BENCH ({}): no evidence about any module", printable(why)));
     }
     if let Some(OtherModule { scanned, found, .. }) = &record.other_module {
         let (scanned, found) = (printable(scanned), printable(found));

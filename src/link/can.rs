@@ -2,6 +2,7 @@
 
 mod bus;
 mod interface;
+mod kind;
 mod memory;
 pub mod slcan;
 mod socket;
@@ -24,6 +25,7 @@ use tokio::time::{Instant, sleep_until};
 
 use super::memory::MemoryPort;
 use super::serial::{OpenError, PortLocation};
+use crate::doubt::Doubt;
 use crate::received::{LinkEvent, NoFrame};
 use crate::tape::Tape;
 use bus::{Bus, BusEvent};
@@ -52,6 +54,19 @@ impl CanTarget {
         match name.strip_prefix("slcan:") {
             Some(port) => Self::Slcan(port.into()),
             None => Self::Interface(name.to_owned()),
+        }
+    }
+}
+
+impl CanTarget {
+    /// Why the bus does not prove that hardware is at its other end, by its name and before it is opened. One that is not
+    /// there has no doubt: opening it says what is wrong.
+    #[must_use]
+    pub fn doubt(&self) -> Option<Doubt> {
+        match self {
+            Self::Slcan(port) => Doubt::of_port(port),
+            Self::Interface(name) => interface::index(name).and_then(|index| interface::doubt(name, index)),
+            Self::Memory(_) => None,
         }
     }
 }
@@ -390,6 +405,12 @@ impl CanLink {
     #[must_use]
     pub fn name(&self) -> String {
         self.bus.name()
+    }
+
+    /// Why the open bus does not prove that hardware is at its other end.
+    #[must_use]
+    pub fn doubt(&self) -> Option<&Doubt> {
+        self.bus.doubt()
     }
 
     pub(super) fn came(&self) -> u64 {

@@ -5,6 +5,7 @@
 
 mod absence;
 pub mod can;
+mod doubt;
 mod link;
 pub mod memory;
 mod received;
@@ -13,6 +14,7 @@ mod tape;
 mod target;
 
 pub use absence::RETURNS_WITHIN;
+pub use doubt::Doubt;
 pub use link::{Link, LinkError};
 pub use received::{LinkEvent, NoFrame};
 pub use tape::Tape;

@@ -8,6 +8,7 @@ use gnc_protocol::can::CanFrame;
 use gnc_protocol::serial::LineCounters;
 
 use crate::can::{CanLink, CanOpenError};
+use crate::doubt::Doubt;
 use crate::received::LinkEvent;
 use crate::serial::{self, OpenError, SerialLink};
 use crate::tape::Tape;
@@ -120,6 +121,15 @@ impl Link {
         match self {
             Self::Serial(link) => link.name(),
             Self::Can(link) => link.name(),
+        }
+    }
+
+    /// Why the open link does not prove that hardware is at its other end; `None` if it does, and for a link in memory.
+    #[must_use]
+    pub fn doubt(&self) -> Option<&Doubt> {
+        match self {
+            Self::Serial(link) => link.doubt(),
+            Self::Can(link) => link.doubt(),
         }
     }
 

@@ -11,6 +11,7 @@ use gnc_protocol::{Frame, timing};
 use tokio_util::bytes::Buf as _;
 
 use super::memory::MemoryPort;
+use crate::doubt::Doubt;
 use crate::received::{LinkEvent, NoFrame};
 use crate::tape::Tape;
 pub use listener::{Heard, Listener};
@@ -81,6 +82,10 @@ impl SerialLink {
 
     pub(super) fn name(&self) -> String {
         self.port.name()
+    }
+
+    pub(super) fn doubt(&self) -> Option<&Doubt> {
+        self.port.doubt()
     }
 
     pub(super) fn came(&self) -> u64 {

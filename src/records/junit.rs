@@ -318,6 +318,7 @@ fn properties(record: &RunRecord, place: &str) -> Vec<(&'static str, String)> {
         ("station", station.clone()),
         ("program", program.to_string()),
         ("simulated", (bench.kind == BenchKind::Simulated).to_string()),
+        ("bench", bench.kind.as_str().to_owned()),
     ];
     properties.extend(operator.clone().map(|operator| ("operator", operator)));
     properties.extend(record.limits.as_ref().map(|limits| ("limits", limits.to_string())));

@@ -38,6 +38,10 @@ pub struct Origin {
     pub outcome: String,
     /// Whether the bench was simulated. A simulated calibration is not evidence about any module.
     pub simulated: bool,
+    /// Whether the link to the board does not prove that there was one, so that a program may have played it. Such a calibration
+    /// is not evidence about any module either.
+    #[serde(default)]
+    pub unproven: bool,
     /// The run whose raw record was judged again by this plan; null if this run captured the samples itself.
     pub recomputed_from: Option<String>,
     /// The interrupted run whose captures were taken over.

@@ -79,6 +79,10 @@ fn verdict(page: &mut SvgPage, record: &RunRecord) {
 fn identity(page: &mut SvgPage, record: &RunRecord, late: Option<&str>) {
     let bench = match record.bench.kind {
         BenchKind::Real => "real".to_owned(),
+        BenchKind::Unproven => match &record.bench.unproven {
+            Some(why) => format!("unproven ({why})"),
+            None => "unproven".to_owned(),
+        },
         BenchKind::Simulated => {
             let known = [
                 record.bench.personality.clone(),

@@ -48,7 +48,7 @@ pub struct ShiftOf {
     pub records: PathBuf,
     /// The station.
     pub station: String,
-    /// Runs of a real bench and of a simulated one never count together.
+    /// Runs of a real bench and of a simulated one never count together. Those of an unproven bench do not count at all.
     pub kind: BenchKind,
 }
 
@@ -69,7 +69,7 @@ impl WholeRun {
         let outcome = run.verdict.of_module()?;
         let counts = run.station == of.station && run.bench.kind == of.kind && run.recomputed.is_none();
         // A run of another module than was scanned is of neither.
-        let counts = counts && run.other_module.is_none();
+        let counts = counts && run.other_module.is_none() && run.bench.kind != BenchKind::Unproven;
         let is_late = found.sealed && outcome.is_good() && late.of(&found.path).map_or(true, |late| late.is_some());
         let outcome = if found.sealed && !is_late { outcome } else { Outcome::Errored };
         counts.then(|| Self {

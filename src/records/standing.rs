@@ -13,7 +13,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset, NaiveDate, NaiveDateTime, TimeDelta};
-use gnc_executive::event::{BenchInfo, BenchKind, EarlierRun, Event, EventKind, OtherModule, PlanInfo};
+use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, OtherModule, PlanInfo};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::{Flaw, PastRun, Question, RunFacts, Seal, Standing};
 use gnc_executive::verdict::Verdict;
@@ -204,9 +204,11 @@ fn doubt(after: &[After], question: &Question<'_>, seals: &mut Seals<'_>) -> Res
 fn judged(after: &[After], question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
     let is_judgement = |run: &PastRun| {
         let outcome = run.verdict.map(Verdict::of_items);
-        let is_of_world = question.bench == BenchKind::Simulated || !run.simulated;
         let judges = outcome == Some(Outcome::Failed) || run.items.is_none() && outcome.is_some_and(Outcome::is_good);
-        run.plan == question.plan.name() && is_of_world && judges && !run.flaws.contains(&Flaw::Rejudged)
+        run.plan == question.plan.name()
+            && run.is_of_world(question.bench)
+            && judges
+            && !run.flaws.contains(&Flaw::Rejudged)
     };
     for after in after {
         if let Some(run) = after.run(question, seals)?.filter(is_judgement) {

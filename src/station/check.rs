@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_analysis::motion;
+use gnc_executive::bench::{PinError, PinnedPlans};
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
 use gnc_executive::part::PartName;
@@ -25,8 +26,8 @@ pub(crate) fn run(
     part: Option<&PartName>,
     reach: Reach,
 ) -> ExitCode {
-    match abilities(bench, sim) {
-        Ok(abilities) => check((plans, reach), abilities, part, &mut Lines::to_stdout()),
+    match the_bench(bench, sim) {
+        Ok(bench) => check((plans, reach), bench.as_ref(), part, &mut Lines::to_stdout()),
         Err(refusal) => refuse(refusal.what, &refusal.try_this),
     }
 }
@@ -34,58 +35,80 @@ pub(crate) fn run(
 /// Checks plans against a bench, if there is one, and says what it finds.
 fn check(
     (plans, reach): (&[PathBuf], Reach),
-    abilities: Option<BenchAbilities>,
+    bench: Option<&CheckedAgainst>,
     part: Option<&PartName>,
     out: &mut Lines<impl Write>,
 ) -> ExitCode {
     let mut wrong = 0;
     for path in plans {
-        match about(path, reach, abilities, part) {
-            Ok(said) => {
+        match about(path, reach, bench, part) {
+            Ok((said, pinned)) => {
                 for (name, sentence) in said {
                     match name {
                         Some(name) => out.say_sentence_of(&name, &sentence),
                         None => out.say_sentences(sentence),
                     }
                 }
+                if let Err(error) = pinned {
+                    wrong += 1;
+                    refused(&CommandRefusal::new(&error, error.try_this()), out);
+                }
             }
             Err(refusal) => {
                 wrong += 1;
-                out.say_sentences(refusal.what);
-                if !refusal.try_this.is_empty() {
-                    out.say_sentences(format_args!("  try: {}", refusal.try_this));
-                }
+                refused(&refusal, out);
             }
         }
     }
     if wrong > 0 { ExitCode::from(USAGE) } else { ExitCode::SUCCESS }
 }
 
+fn refused(refusal: &CommandRefusal, out: &mut Lines<impl Write>) {
+    out.say_sentences(&refusal.what);
+    if !refusal.try_this.is_empty() {
+        out.say_sentences(format_args!("  try: {}", refusal.try_this));
+    }
+}
+
+/// The bench that plans are held against.
+struct CheckedAgainst {
+    abilities: BenchAbilities,
+    plans: PinnedPlans,
+}
+
 /// What is said, and of what: a name is no sentence, whatever it reads like.
 type Said = (Option<String>, String);
 
-/// What is to be said of a plan without mistakes.
+/// What is to be said of a plan without mistakes, and whether the bench runs it as far as it pins its plans.
 fn about(
     path: &Path,
     reach: Reach,
-    abilities: Option<BenchAbilities>,
+    bench: Option<&CheckedAgainst>,
     part: Option<&PartName>,
-) -> Result<Vec<Said>, CommandRefusal> {
+) -> Result<(Vec<Said>, Result<(), PinError>), CommandRefusal> {
     let plan = files::plan(path, reach)?;
+    let info = plan.info();
     let plan = plan.plan();
     let limits = part.map(|part| limits(plan, part)).transpose()?;
-    let remark = match abilities {
-        Some(abilities) => {
-            Job::new(plan.clone(), abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
+    let remark = match bench {
+        Some(bench) => {
+            Job::new(plan.clone(), bench.abilities, None).map_err(|mistakes| CommandRefusal::new(mistakes, ""))?;
             ""
         }
         None => ", not checked against a bench",
     };
     let path = printable(&gnc_text::shown_path(path)).into_owned();
     let mut said = vec![(Some(path), format!("{} items, no mistake{remark}", plan.items().len()))];
+    let pinned = bench.map_or(Ok(()), |bench| bench.plans.check(&info.name, &info.sha256));
+    let is_pinned = bench.is_some_and(|bench| bench.plans.of(&info.name) == Some(info.sha256.as_str()));
+    let line = PinnedPlans::line(&info.name, &info.sha256);
+    said.push(match is_pinned {
+        true => (None, format!("  pinned by the bench file: {line}")),
+        false => (None, format!("  to pin it under [plans] of a bench file: {line}")),
+    });
     said.extend(bench_time(plan));
     said.extend(limits.map(|limits| (None, limits)));
-    Ok(said)
+    Ok((said, pinned))
 }
 
 /// The limits by which a plan judges a module, each with the plan's own limit in its place if that is another.
@@ -135,16 +158,19 @@ fn bench_time(plan: &Plan) -> Vec<Said> {
     said
 }
 
-/// Returns what the bench can do. `None` if no bench is named and there is no `bench.toml`: then only the language of
+/// Returns the bench. `None` if no bench is named and there is no `bench.toml`: then only the language of
 /// the plan is checked.
-fn abilities(bench: Option<&Path>, sim: bool) -> Result<Option<BenchAbilities>, CommandRefusal> {
+fn the_bench(bench: Option<&Path>, sim: bool) -> Result<Option<CheckedAgainst>, CommandRefusal> {
     if sim {
-        return Ok(Some(setup::SIMULATED));
+        return Ok(Some(CheckedAgainst { abilities: setup::SIMULATED, plans: PinnedPlans::default() }));
     }
     let here = Path::new(setup::BENCH_FILE);
     match bench.or_else(|| here.exists().then_some(here)) {
         // Assume that an operator is there when the plan is run; `--auto` without a terminal checks again.
-        Some(path) => Ok(Some(setup::abilities(&files::bench(path)?, true))),
+        Some(path) => {
+            let file = files::bench(path)?;
+            Ok(Some(CheckedAgainst { abilities: setup::abilities(&file, true), plans: file.plans }))
+        }
         None => Ok(None),
     }
 }

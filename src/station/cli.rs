@@ -75,6 +75,10 @@ enum Command {
         /// Reads also the includes that lie outside of the plan's folder.
         #[arg(long, requires = "plan")]
         allow_outside: bool,
+        /// The private key that signs what is written beside the run; by default the one of the bench file. A run that this key did
+        /// not sign gets no signature by it.
+        #[arg(long, value_name = "FILE", requires = "plan")]
+        key: Option<PathBuf>,
         #[command(flatten)]
         records: RecordsArgs,
     },
@@ -201,9 +205,9 @@ pub fn main() -> ExitCode {
                 Err(refusal) => crate::refusal::refuse(refusal.what, &refusal.try_this),
             }
         }
-        Some(Command::Recompute { run, plan, allow_outside, records }) => {
+        Some(Command::Recompute { run, plan, allow_outside, key, records }) => {
             let plan = plan.as_deref().map(|plan| (plan, crate::args::reach(allow_outside)));
-            crate::recompute::run(&run, &records, plan)
+            crate::recompute::run(&run, &records, plan, key.as_deref())
         }
         Some(Command::Export { run, format, out, records }) => {
             crate::export::run(&run, &records, format, out.as_deref())

@@ -262,6 +262,8 @@ struct Note {
     verdict: Verdict,
     /// Whether the module was a simulated one.
     simulated: bool,
+    /// Whether the link to the board does not prove that there is one.
+    unproven: bool,
     /// The scanned number and that of the module in the socket, if they differ; else null. The run is of neither.
     other_module: Option<OtherModule>,
     /// The folder of the record.
@@ -299,6 +301,7 @@ impl Note {
             verdict: ended.verdict,
             other_module: record.as_ref().and_then(|record| record.other_module.clone()),
             simulated: record.as_ref().is_some_and(|record| record.bench.kind == BenchKind::Simulated),
+            unproven: record.as_ref().is_some_and(|record| record.bench.kind == BenchKind::Unproven),
             record: std::path::absolute(&ended.folder).unwrap_or_else(|_| ended.folder.clone()),
             run: record.map(Told::of),
         }

@@ -10,11 +10,11 @@ mod source;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use gnc_executive::event::{EarlierRun, Event, PlanInfo};
+use gnc_executive::event::{BenchKind, EarlierRun, Event, PlanInfo};
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
 use gnc_files::Reach;
-use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StoreError, digest, reader};
+use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StationKey, StoreError, digest, reader};
 use gnc_text::{printable, with_causes};
 
 use crate::records::RecordsArgs;
@@ -36,14 +36,18 @@ Exit codes without --plan:
 Exit codes with --plan: those of a run, by the verdict under that plan; 2 if the record is not as it was written.";
 
 /// Judges a run again; with another plan into a new folder beside it.
-pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<(&Path, Reach)>) -> ExitCode {
+/// `key` signs that folder; without it the key of the bench file does.
+pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<(&Path, Reach)>, key: Option<&Path>) -> ExitCode {
     let folder = match records::one(within, run) {
         Ok(folder) => folder,
         Err(refused) => return refused,
     };
     let done = match plan {
         None => same(&folder),
-        Some((plan, reach)) => other(&folder, plan, reach),
+        Some((plan, reach)) => match within.key(key) {
+            Ok(key) => other(&folder, plan, reach, key),
+            Err(refusal) => return refuse(refusal.what, &refusal.try_this),
+        },
     };
     done.unwrap_or_else(|error| refuse(with_causes(&error), error.try_this()))
 }
@@ -80,7 +84,7 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
     Ok(ExitCode::from(DIFFERS))
 }
 
-fn other(folder: &Path, path: &Path, reach: Reach) -> Result<ExitCode, RunError> {
+fn other(folder: &Path, path: &Path, reach: Reach, key: Option<StationKey>) -> Result<ExitCode, RunError> {
     let plan = files::plan_to_judge(path, reach).map_err(|refusal| RunError::Plan { what: refusal.what })?;
     let run = RecordedRun::read(folder)?;
     // A judgement of changed samples would be sealed as if they were the module's.
@@ -98,8 +102,15 @@ fn other(folder: &Path, path: &Path, reach: Reach) -> Result<ExitCode, RunError>
     };
     let plan = plan.plan();
     let again = again::judge(&run, plan, Some(of))?;
-    let path = file(folder, plan, &again)?;
+    // A simulated run is never evidence, and is not signed.
+    let key = key.filter(|_| run.header.bench.kind != BenchKind::Simulated);
+    // The samples of a run that somebody else wrote do not become this station's by a new judgement.
+    let is_foreign = key.as_ref().is_some_and(|key| reader::verify_signature(folder, &[key.public()]).is_some());
+    let path = file(folder, plan, &again, key.filter(|_| !is_foreign))?;
     let mut out = Lines::to_stdout();
+    if is_foreign {
+        out.say("this key did not sign the run, so the judgement of it is not signed either");
+    }
     for line in &again.differences {
         out.say(printable(line));
     }
@@ -115,8 +126,8 @@ fn other(folder: &Path, path: &Path, reach: Reach) -> Result<ExitCode, RunError>
 }
 
 /// Files the new judgement beside the run.
-fn file(folder: &Path, plan: &Plan, again: &Again) -> Result<PathBuf, RunError> {
-    let beside = RunFolder::beside(folder, "recomputed")?;
+fn file(folder: &Path, plan: &Plan, again: &Again, key: Option<StationKey>) -> Result<PathBuf, RunError> {
+    let beside = RunFolder::beside(folder, "recomputed")?.signed_with(key);
     let path = beside.path().to_owned();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime =

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use chrono::{Local, NaiveTime};
 use gnc_bench::fixture::Fixture;
 use gnc_bench::service::{CheckedPlan, Equipment};
-use gnc_executive::bench::{BenchFile, BenchSite, DrawPictures, OperatorHabit, ScannerSettings, TestSocket};
+use gnc_executive::bench::{
+    BenchFile, BenchSite, DrawPictures, OperatorHabit, PinnedPlans, ScannerSettings, TestSocket,
+};
 use gnc_executive::event::{BenchInfo, BenchKind};
 use gnc_executive::job::BenchAbilities;
 use gnc_executive::numbers::NumberField;
@@ -62,6 +64,8 @@ pub(crate) struct CheckedBench {
     pub numbers: Vec<NumberField>,
     /// The scanner at a serial port, if there is one.
     pub scanner: Option<ScannerSettings>,
+    /// The plans that it runs, if it does not run any.
+    pub plans: PinnedPlans,
     /// Whether a person says that the clock is right.
     clock_is_right: bool,
     site: Option<BenchSite>,
@@ -158,6 +162,7 @@ impl CheckedBench {
                     site: self.site.clone(),
                     serial_number: self.serial_number.clone(),
                     numbers: self.numbers.clone(),
+                    plans: self.plans.clone(),
                     clock_is_right: self.clock_is_right,
                 };
                 Ok(Setup { equipment, simulation: None })
@@ -258,6 +263,9 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         site: file.site.as_ref().and_then(|site| site.name.clone()),
         ..BenchInfo::real()
     };
+    // The run looks again: the port may be another one by then.
+    let doubt = target.doubt().or_else(|| can.as_ref().and_then(CanTarget::doubt));
+    let bench = bench.in_doubt(doubt.map(|doubt| doubt.to_string()));
     Ok(CheckedBench {
         station: station(args, &file),
         records: records(args, &file, path.parent()),
@@ -269,6 +277,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         kind: Kind::Real(Box::new(Lines { key: key(&file, path.parent())?, target, can })),
         serial_number: file.serial_number,
         numbers: file.numbers,
+        plans: file.plans,
         scanner: file.scanner,
         site: file.site,
     })
@@ -309,7 +318,7 @@ pub(crate) fn standing(
 }
 
 /// Reads the station's key. Its path is relative to the folder of the bench file.
-fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, CommandRefusal> {
+pub(crate) fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<StationKey>, CommandRefusal> {
     let Some(key) = &file.key else { return Ok(None) };
     let path = folder.unwrap_or_else(|| Path::new("")).join(key);
     StationKey::read(&path)

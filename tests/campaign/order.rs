@@ -70,6 +70,7 @@ pub(super) fn order(
         site: file.site,
         serial_number: None,
         numbers: Vec::new(),
+        plans: Default::default(),
         clock_is_right: false,
     };
     Ok(Ordered { request, equipment })

@@ -14,3 +14,4 @@ mod trust;
 mod wording;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
+const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");

@@ -190,3 +190,99 @@ fn a_code_with_fields_gives_its_serial_number_on_the_command_line() {
     let last = place.runs().into_iter().map(|run| read_json(&run.join("run.json"))["serial_number"].clone());
     assert_eq!(last.filter(|number| number == "010345312000001121SN-0001").count(), 1);
 }
+
+/// One name and one version, two texts: the list shows which is which, and says it at its end.
+#[test]
+fn a_loosened_plan_is_told_apart_in_the_list() {
+    let place = place();
+    passed(&place, "incoming.toml", "A");
+    assert!(!place.run(["records", "list"]).stdout.contains("is not one text"));
+    place.write("incoming.toml", &GOOD.replace("<= 0", "<= 9"));
+    passed(&place, "incoming.toml", "B");
+    let digests: Vec<String> = place
+        .runs()
+        .iter()
+        .map(|run| read_json(&run.join("run.json"))["plan"]["sha256"].as_str().expect("a digest")[..12].to_owned())
+        .collect();
+    let list = place.run(["records", "list"]);
+    let of_b = list.stdout.lines().find(|line| line.contains(" B ")).expect("the run");
+    assert!(digests.iter().any(|digest| of_b.contains(&format!("  {digest}  "))), "{}", list.stdout);
+    for digest in digests {
+        let told = format!("plan incoming 1 is not one text in this list: {digest} in 1 runs");
+        assert!(list.stdout.contains(&told), "{}", list.stdout);
+    }
+}
+
+/// The bench of a board on a pseudo-terminal, with a key, and its plans pinned if these lines say so.
+fn bench(place: &Place, board: &gnc_tests::Board, plans: &str) {
+    let text = board.bench_file("line-2").replace("[socket]", "key = \"station.key\"\n[socket]");
+    place.write("bench.toml", &format!("{text}{plans}"));
+}
+
+const ON_BOARD: [&str; 3] = ["incoming.toml", "--serial-number", "SIM-0001"];
+
+/// What a second judgement writes is signed by the key that signed the run, and by no other.
+#[test]
+fn a_second_judgement_of_a_signed_run_is_signed() {
+    let board = gnc_tests::Board::start(super::MOCK, &["--speed", "max", "--serial-number", "SIM-0001"]);
+    let place = place();
+    bench(&place, &board, "");
+    assert_eq!(place.run(["records", "key", "station.key"]).code, Some(0));
+    let run = place.run(["--auto"].iter().chain(&ON_BOARD));
+    assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+    let original = place.runs()[0].clone();
+    let folder = original.to_string_lossy().into_owned();
+    let same = place.run(["recompute", &folder]);
+    assert!(same.code == Some(0) && same.stdout.contains("the same, bit for bit"), "{}{}", same.stdout, same.stderr);
+    place.write("looser.toml", &GOOD.replace("<= 0", "<= 9"));
+    let again = place.run(["recompute", &folder, "--plan", "looser.toml"]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+    let verify = || place.run(["records", "verify", "--key", "station.key.pub"]);
+    assert_eq!(verify().code, Some(0), "{}{}", verify().stdout, verify().stderr);
+    let list = place.run(["records", "list", "--json"]);
+    let lines: Vec<Value> = serde_json::from_str(&list.stdout).expect("JSON");
+    let outcomes: Vec<_> =
+        lines.iter().map(|line| (&line["outcome"], &line["rejudged_outcome"], &line["bench"])).collect();
+    let (passed, none, unproven) = (Value::from("passed"), Value::Null, Value::from("unproven"));
+    assert_eq!(outcomes, [(&passed, &none, &unproven), (&none, &passed, &unproven)], "{}", list.stdout);
+    let table = place.run(["records", "list", "--csv"]).stdout;
+    let rejudged = table.lines().find(|line| line.contains("-recomputed,")).expect("the judgement");
+    assert!(rejudged.contains("-recomputed,closed,,,") && rejudged.ends_with(",unproven,passed"), "{table}");
+    // Another key gives no signature: the samples are not its station's.
+    assert_eq!(place.run(["records", "key", "other.key"]).code, Some(0));
+    let other = place.run(["recompute", &folder, "--plan", "looser.toml", "--key", "other.key"]);
+    assert_eq!(other.code, Some(0), "{}{}", other.stdout, other.stderr);
+    assert!(other.stdout.contains("this key did not sign the run"), "{}", other.stdout);
+    assert!(!place.runs().iter().any(|run| run.ends_with("recomputed-2") && run.join("SHA256SUMS.sig").exists()));
+    assert_eq!(verify().code, Some(1), "{}", verify().stdout);
+}
+
+/// A loosened plan and an added one are refused before any run, by `--auto` and by `plan check`.
+#[test]
+fn a_bench_runs_the_plans_that_it_pins() {
+    let board = gnc_tests::Board::start(super::MOCK, &["--speed", "max", "--serial-number", "SIM-0001"]);
+    let place = place();
+    assert_eq!(place.run(["records", "key", "station.key"]).code, Some(0));
+    bench(&place, &board, "");
+    let check = |plan: &str| place.run(["plan", "check", plan]);
+    let told = check("incoming.toml").stdout;
+    let line =
+        told.lines().find_map(|line| line.split_once("[plans] of a bench file: ")).expect("the line").1.to_owned();
+    assert!(line.starts_with("incoming = \"sha256:"), "{told}");
+    bench(&place, &board, &format!("[plans]\n{line}\n"));
+    assert!(check("incoming.toml").stdout.contains(&format!("pinned by the bench file: {line}")));
+    let auto = |plan: &str| place.run(["--auto", plan, "--serial-number", "SIM-0001"]);
+    assert_eq!(auto("incoming.toml").code, Some(0));
+    let refused = |plan: &str, why: &str| {
+        let runs = place.runs().len();
+        let run = auto(plan);
+        assert!(run.code == Some(2) && run.stderr.contains(why), "{:?} {}{}", run.code, run.stdout, run.stderr);
+        assert_eq!(place.runs().len(), runs, "a run was begun: {}", run.stdout);
+        let checked = check(plan);
+        assert!(checked.code == Some(2) && checked.stdout.contains(why), "{}{}", checked.stdout, checked.stderr);
+        assert!(checked.stdout.contains("to pin it under [plans] of a bench file"), "{}", checked.stdout);
+    };
+    refused("other.toml", "plan other is none of them");
+    place.write("incoming.toml", &GOOD.replace("<= 0", "<= 9"));
+    refused("incoming.toml", &format!("pins plan incoming to {}, and this one has ", &line[19..31]));
+}

@@ -135,7 +135,7 @@ fn without_links(text: &str) -> String {
             digits.push(c);
             continue;
         }
-        out.push_str(if digits.len() >= 8 && digits.len() % 4 == 0 { "DIGITS" } else { &digits });
+        out.push_str(if digits.len() >= 8 && digits.len().is_multiple_of(4) { "DIGITS" } else { &digits });
         digits.clear();
         out.push(c);
     }

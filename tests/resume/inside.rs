@@ -126,6 +126,7 @@ impl Bench {
             site: file.site,
             serial_number: None,
             numbers: Vec::new(),
+            plans: Default::default(),
             clock_is_right: false,
         };
         let (live, control) = (Live::default(), RunControl::default());

@@ -41,11 +41,16 @@ fn a_bench_names_plan_and_operator_and_a_program_is_told_the_verdict() {
     terminal.wait_until("the form is taken", |screen| !screen.contents().contains("A. Chen_"));
     terminal.types(F5);
     wait_for_file(place.path(), "told-socket 1");
-    terminal.wait_until("the counters", |screen| screen.contents().contains("Shift 1: ✓1 ✗0 ?0 · FPY 100 %"));
+    terminal.wait_for("passed · T-1");
+    // The verdict stands, and says that a pseudo-terminal proves no board; no shift counts it.
+    let screen = terminal.text();
+    assert!(screen.contains(" UNPROVEN ┐"), "{screen}");
+    assert!(screen.lines().next().is_some_and(|head| head.contains("UNPROVEN")), "{screen}");
     assert_eq!(terminal.bells(), 1);
     terminal.types(F9);
     terminal.types(F9);
-    terminal.wait_for("1 passed · 0 failed · 0 without a verdict · first-pass yield 100 % (1 of 1)");
+    terminal.wait_for("2026-");
+    assert!(!terminal.text().contains("Shift") && !terminal.text().contains("first-pass yield"), "{}", terminal.text());
     terminal.types(F10);
     let (status, restored) = terminal.end();
     assert!(restored && status.code() == Some(0), "{status}");
@@ -54,6 +59,7 @@ fn a_bench_names_plan_and_operator_and_a_program_is_told_the_verdict() {
     assert_eq!(told["schema"], "gnc-verdict/1");
     assert_eq!((&told["serial_number"], &told["outcome"]), (&"T-1".into(), &"passed".into()));
     assert_eq!((told.get("selection_outcome"), &told["simulated"]), (None, &false.into()));
+    assert_eq!(told["unproven"], true);
     assert_eq!(told["run"]["plan"]["name"], "short");
     assert_eq!(told["run"]["operator"], "A. Chen");
     assert_eq!(told["run"]["not_passed"], serde_json::json!([]));
@@ -68,9 +74,38 @@ fn a_bench_names_plan_and_operator_and_a_program_is_told_the_verdict() {
     terminal.end();
 }
 
-/// A module that fails first and passes then is done and passed, but not at the first try. A question rings too.
+/// A module that fails first and passes then is done and passed, but not at the first try. A simulated bench counts its own runs.
 #[test]
-fn questions_ring_and_a_second_try_is_no_first_pass() {
+fn a_second_try_is_no_first_pass() {
+    let place = Place::new(STATION);
+    place.write("p.toml", &IO_PLAN.replace("prompt = \"Close the lid.\"\n", ""));
+    let mut terminal = open(&place, &["--plan", "p.toml", "--sim=io-open"], 80, 24);
+    terminal.wait_for("short 1");
+    terminal.types(b"T-1\r");
+    terminal.types(F5);
+    terminal.wait_for("Shift 1: ✓0 ✗1 ?0 · FPY 0 %");
+    terminal.types(F10);
+    terminal.end();
+
+    // The shift is counted from the records, so the station may be started anew.
+    let mut terminal = open(&place, &["--plan", "p.toml", "--sim"], 160, 50);
+    terminal.wait_for("Shift 1: ✓0 ✗1 ?0 · FPY 0 %");
+    terminal.types(b"T-1\r");
+    terminal.wait_for("short failed");
+    terminal.types(F5);
+    terminal.wait_for("again?");
+    terminal.types(F2);
+    terminal.wait_for("Shift 1: ✓1 ✗0 ?0 · FPY 0 %");
+    terminal.types(F9);
+    terminal.types(F9);
+    terminal.wait_for("1 passed · 0 failed · 0 without a verdict · first-pass yield 0 % (0 of 1)");
+    terminal.types(F10);
+    terminal.end();
+}
+
+/// A question rings, and so does a verdict. What an earlier run said is told, also on a bench whose runs do not count.
+#[test]
+fn questions_ring_and_an_earlier_failure_is_told() {
     let place = Place::new(STATION);
     let mut board = mock("io-open");
     let board_file = |port: &str| {
@@ -85,7 +120,7 @@ fn questions_ring_and_a_second_try_is_no_first_pass() {
     terminal.types(F5);
     terminal.wait_for("Close the lid.");
     terminal.types(F2);
-    terminal.wait_for("Shift 1: ✓0 ✗1 ?0 · FPY 0 %");
+    terminal.wait_for("failed · T-1");
     assert_eq!(terminal.bells(), 2);
     terminal.types(F10);
     terminal.end();
@@ -93,9 +128,8 @@ fn questions_ring_and_a_second_try_is_no_first_pass() {
     board.kill();
     let board = gnc_tests::Board::start(MOCK, &["good", "--speed", "max", "--serial-number", "T-1"]);
     board_file(&board.port);
-    // The shift is counted from the records, so the station may be started anew.
     let mut terminal = open(&place, &["--plan", "p.toml"], 160, 50);
-    terminal.wait_for("Shift 1: ✓0 ✗1 ?0 · FPY 0 %");
+    terminal.wait_for("short 1");
     terminal.types(b"T-1\r");
     terminal.wait_for("short failed");
     terminal.types(F5);
@@ -103,7 +137,7 @@ fn questions_ring_and_a_second_try_is_no_first_pass() {
     terminal.types(F2);
     terminal.wait_for("Close the lid.");
     terminal.types(F2);
-    terminal.wait_for("Shift 1: ✓1 ✗0 ?0 · FPY 0 %");
+    terminal.wait_for("passed · T-1");
     terminal.types(F10);
     terminal.end();
 }

@@ -29,6 +29,10 @@ pub(super) async fn run(bench: &ProcedureContext<'_>, recorder: &Recorder<'_>) -
     }
     let target = bench.can.ok_or(ProcedureError::CannotRun { item: super::ItemId::Can, why: "it has no CAN link" })?;
     let mut link = CanLink::open(target)?;
+    if let Some(doubt) = link.doubt().filter(|_| bench.is_real) {
+        let text = format!("{doubt}; that was not so when the run began");
+        return Err(io::Error::other(text).into());
+    }
     let Some(tap) = link.tap() else { return Ok(()) };
     let measured = tokio::select! {
         biased;

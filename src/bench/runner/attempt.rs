@@ -96,6 +96,7 @@ impl Run<'_> {
             answers: &self.order.answers,
             site: self.order.site.as_ref(),
             can: self.order.can.as_ref(),
+            is_real: self.is_real(),
             module: &self.module,
             earlier,
             resumed: self.order.resumed.as_ref().filter(|_| attempt == 1),

@@ -7,7 +7,7 @@ use gnc_board::rule;
 use gnc_board::{BoardClient, BoardError, BoardLease, Readings};
 use gnc_executive::event::{BoardInfo as BoardEvent, EventKind, NoteLevel, Power};
 use gnc_executive::job::{BoardAbilities, BoardLacks};
-use gnc_link::{Link, LinkError, Target};
+use gnc_link::{Doubt, Link, LinkError, Target};
 use gnc_protocol::calibration::{CalibrationRead, CalibrationState};
 use gnc_protocol::message::{Call, Flash, FlashId, Identity, MakeSafe, ModulePower, PowerReply, capability};
 use gnc_protocol::{NakCode, PROTOCOL_VERSION};
@@ -45,6 +45,9 @@ pub enum ConnectError {
     Open(#[from] LinkError),
     #[error(transparent)]
     Board(#[from] BoardError),
+    /// What is open now is something else than what was there when the run began, and the head of the record is written.
+    #[error("{doubt}; that was not so when the run began")]
+    Swapped { doubt: Doubt },
 }
 
 impl ConnectError {
@@ -52,16 +55,22 @@ impl ConnectError {
         match self {
             Self::Open(error) => error.try_this(),
             Self::Board(error) => error.try_this(),
+            Self::Swapped { .. } => "look where the port of the bench file leads, and start again",
         }
     }
 }
 
+/// Opens the link and meets the board. `is_real`: the record says that the bench is real, so the open link must prove it.
 pub(super) async fn connect(
     target: &Target,
+    is_real: bool,
     nonce: u32,
     readings: &watch::Sender<Readings>,
 ) -> Result<BoardClient, ConnectError> {
     let link = Link::open(target)?;
+    if let Some(doubt) = link.doubt().filter(|_| is_real) {
+        return Err(ConnectError::Swapped { doubt: doubt.clone() });
+    }
     Ok(BoardClient::connect(link, nonce, readings.clone()).await?)
 }
 
@@ -310,5 +319,21 @@ impl Run<'_> {
             self.note(NoteLevel::Warning, text, None).await?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The head of the record says what the port was when the run began. What is there now must be that.
+    #[tokio::test]
+    async fn a_port_that_turns_into_a_pseudo_terminal_is_not_used() {
+        let pty = nix::pty::openpty(None, None).unwrap();
+        let target = Target::Serial { port: nix::unistd::ttyname(&pty.slave).unwrap(), rate_baud: 921_600 };
+        let (readings, _) = watch::channel(Readings::default());
+        let connected = connect(&target, true, 1, &readings).await;
+        let Err(ConnectError::Swapped { doubt }) = connected else { panic!("{connected:?}") };
+        assert_eq!(Some(doubt), target.doubt());
     }
 }

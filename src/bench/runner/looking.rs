@@ -54,7 +54,7 @@ pub async fn look(target: &Target, control: &RunControl, readings: &watch::Sende
     let board = tokio::select! {
         biased;
         _ = control.asked_times(1) => return Ok(()),
-        board = connect(target, by_chance(), readings) => board?,
+        board = connect(target, false, by_chance(), readings) => board?,
     };
     let lease = BoardLease::new(&board, watch::channel(Advance::default()).0);
     let looked = tokio::select! {

@@ -349,7 +349,7 @@ fn header() -> Value {
         ("operator", true, nullable("Who tests; null if not given.", "string")),
         ("station", true, text("Id of the station.")),
         ("program", true, shared("program", "The program that runs the test.")),
-        ("bench", true, shared("bench", "The bench. A simulated one is never evidence about a module.")),
+        ("bench", true, shared("bench", "The bench. A simulated or an unproven one is never evidence about a module.")),
         ("site", false, shared("site", "Place of the bench, as its file states it.")),
         ("plan", true, shared("plan", "The plan that is followed.")),
         ("recomputed", false, shared("recomputed", "The run whose raw record was judged again.")),

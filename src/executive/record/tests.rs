@@ -48,6 +48,8 @@ fn only_a_whole_run_on_a_real_bench_is_evidence() {
         RunRecord::from_state(&small_run(header).state).unwrap()
     };
     assert!(!with(&|header| header.bench = BenchInfo::simulated("good-1", "max", 7)).is_evidence());
+    let unproven = || BenchInfo::real().in_doubt(Some("port /tmp/board is a pseudo-terminal".to_owned()));
+    assert!(!with(&|header| header.bench = unproven()).is_evidence());
     assert!(!with(&|header| header.selection = Some(vec!["identity".to_owned()])).is_evidence());
     let earlier = crate::event::EarlierRun { run: "120000-small".to_owned(), journal_sha256: "00".repeat(32) };
     assert!(!with(&|header| header.recomputed = Some(earlier.clone())).is_evidence());

@@ -6,7 +6,7 @@ use chrono::{DateTime, FixedOffset};
 use gnc_text::printable;
 
 use super::{banners, breach_lines, duration, error_record, failing_rows, item_line, measurement_line, verdict_line};
-use crate::event::{BenchKind, NoteLevel};
+use crate::event::NoteLevel;
 use crate::outcome::words;
 use crate::record::{AttemptRecord, ItemRecord, RunRecord};
 
@@ -72,11 +72,8 @@ fn head(out: &mut String, record: &RunRecord) {
     line("Operator", record.operator.as_deref().unwrap_or("not given"));
     line("Program", &record.program.to_string());
     let bench = &record.bench;
-    let kind = match bench.kind {
-        BenchKind::Simulated => "simulated",
-        BenchKind::Real => "real",
-    };
     let details: Vec<String> = [
+        bench.unproven.clone(),
         bench.personality.as_ref().map(|personality| format!("personality {personality}")),
         bench.speed.as_ref().map(|speed| format!("speed {speed}")),
         bench.seed.map(|seed| format!("seed {seed}")),
@@ -87,7 +84,7 @@ fn head(out: &mut String, record: &RunRecord) {
     .into_iter()
     .flatten()
     .collect();
-    line("Bench", &[&[kind.to_owned()], details.as_slice()].concat().join(", "));
+    line("Bench", &[&[bench.kind.as_str().to_owned()], details.as_slice()].concat().join(", "));
     if let Some(board) = &record.board {
         let text = format!(
             "{}, firmware {}, protocol {}, boot {}, {}",

@@ -39,6 +39,24 @@ fn the_failing_rows_say_what_to_look_at() {
 }
 
 #[test]
+fn a_bench_without_a_proven_board_is_called_unproven() {
+    let mut header = header();
+    header.bench = BenchInfo::real().in_doubt(Some("port /tmp/\u{1b}board is a pseudo-terminal".to_owned()));
+    let record = RunRecord::from_state(&small_run(header).state).unwrap();
+    insta::assert_snapshot!(format!("{}\n{}", banners(&record).join("\n"), verdict_line(&record)), @r"
+    UNPROVEN BENCH (port /tmp/\u{1b}board is a pseudo-terminal): no evidence about any module
+    ERRORED (unproven)  DEMO-1  small 1.0  1 marginal, 1 failed, 1 errored, 1 skipped  in 6.50 s
+    ");
+    assert!(log_txt(&record).starts_with("*** UNPROVEN BENCH"));
+    let bench = log_txt(&record).lines().find(|line| line.starts_with("Bench")).unwrap().to_owned();
+    insta::assert_snapshot!(bench, @r"Bench         unproven, port /tmp/\u{1b}board is a pseudo-terminal");
+    // A simulated bench is that whatever its link is, and without a doubt a bench stays what it is.
+    let simulated = BenchInfo::simulated("good-1", "max", 7);
+    assert_eq!(simulated.clone().in_doubt(Some("a pseudo-terminal".to_owned())), simulated);
+    assert_eq!(BenchInfo::real().in_doubt(None), BenchInfo::real());
+}
+
+#[test]
 fn the_verdict_never_hides_what_it_is_worth() {
     let mut header = header();
     header.bench = BenchInfo::simulated("boards/good\u{1b}.toml", "max", 7);

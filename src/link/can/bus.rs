@@ -10,6 +10,7 @@ use super::interface::Statistics;
 use super::memory::MemoryBus;
 use super::slcan::SlcanBus;
 use super::socket::SocketBus;
+use crate::doubt::Doubt;
 
 /// A CAN bus that was joined.
 #[derive(Debug)]
@@ -51,6 +52,15 @@ impl Bus {
             Self::Slcan(bus) => bus.name(),
             Self::Socket(bus) => bus.name(),
             Self::Memory(_) => "bus in memory".to_owned(),
+        }
+    }
+
+    /// Why the bus does not prove that hardware is at its other end.
+    pub(super) fn doubt(&self) -> Option<&Doubt> {
+        match self {
+            Self::Slcan(bus) => bus.doubt(),
+            Self::Socket(bus) => bus.doubt(),
+            Self::Memory(_) => None,
         }
     }
 

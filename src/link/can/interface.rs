@@ -5,10 +5,13 @@ use std::path::{Path, PathBuf};
 use nix::errno::Errno;
 use nix::sys::socket::{AddressFamily, SockFlag, SockType};
 
-use super::CanOpenError;
+use super::{CanOpenError, kind};
+use crate::doubt::Doubt;
 
 /// ARPHRD_CAN: the kind of a network interface.
 const KIND_CAN: &str = "280";
+/// The kind that each driver of a controller registers; vcan and vxcan have kinds of their own.
+const WITH_CONTROLLER: &str = "can";
 /// IFF_UP.
 const UP: u32 = 1;
 /// Counters of frames that came over the bus and that the controller, its driver or the kernel lost.
@@ -35,6 +38,22 @@ fn read(interface: &str, what: &str) -> Option<String> {
     // A name with a slash is not an interface, and must not lead out of the folder.
     let path: PathBuf = Path::new("/sys/class/net").join(interface.replace('/', "_")).join(what);
     std::fs::read_to_string(path).ok().map(|text| text.trim().to_owned())
+}
+
+/// Why the interface with this number does not prove that a bus is behind it.
+pub(super) fn doubt(interface: &str, index: u32) -> Option<Doubt> {
+    let has_device = Path::new("/sys/class/net").join(interface.replace('/', "_")).join("device").exists();
+    doubt_by(interface, kind::kind(index), has_device)
+}
+
+fn doubt_by(interface: &str, kind: Option<String>, has_device: bool) -> Option<Doubt> {
+    let interface = interface.to_owned();
+    match kind {
+        Some(kind) if kind != WITH_CONTROLLER => Some(Doubt::VirtualInterface { interface, kind }),
+        // An adapter that a program plays on a pseudo-terminal is of this kind too, and has no device.
+        Some(_) if has_device => None,
+        _ => Some(Doubt::InterfaceWithoutDevice(interface)),
+    }
 }
 
 /// The kernel's number of an interface.
@@ -67,6 +86,21 @@ impl Statistics {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_controller_with_a_device_is_beyond_doubt() {
+        let doubt = |kind: Option<&str>, has_device| doubt_by("can0", kind.map(str::to_owned), has_device);
+        assert_eq!(doubt(Some("can"), true), None);
+        for kind in ["vcan", "vxcan"] {
+            let of_kind = Doubt::VirtualInterface { interface: "can0".into(), kind: kind.into() };
+            assert_eq!(doubt(Some(kind), false), Some(of_kind.clone()));
+            assert_eq!(doubt(Some(kind), true), Some(of_kind), "a device that was put there");
+        }
+        let without_device = Some(Doubt::InterfaceWithoutDevice("can0".into()));
+        assert_eq!(doubt(Some("can"), false), without_device, "slcan on a pseudo-terminal");
+        assert_eq!(doubt(None, true), without_device, "the kernel does not say");
+        assert_eq!(doubt(None, false), without_device);
+    }
 
     #[test]
     fn names_are_told_apart() {

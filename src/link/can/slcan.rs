@@ -11,6 +11,7 @@ use gnc_protocol::can::slcan::{self, SlcanDecoder, SlcanEvent, encode};
 use tokio_util::bytes::Buf as _;
 
 use super::bus::BusEvent;
+use crate::doubt::Doubt;
 use crate::serial::{OpenError, Port, PortEvent, PortLocation};
 
 /// Rate of the port. USB adapters ignore it; on a real line the rate must be higher than that of the bus: 27 characters
@@ -37,6 +38,10 @@ impl SlcanBus {
 
     pub(super) fn name(&self) -> String {
         self.port.name()
+    }
+
+    pub(super) fn doubt(&self) -> Option<&Doubt> {
+        self.port.doubt()
     }
 
     pub(super) async fn turn(&mut self, outgoing: Option<&CanFrame>, read: bool) -> io::Result<BusEvent> {

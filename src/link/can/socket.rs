@@ -13,9 +13,10 @@ use tokio::io::unix::AsyncFd;
 use tokio::time::{Instant, sleep, sleep_until};
 
 use super::bus::BusEvent;
-use super::interface::{Statistics, index, look_at};
+use super::interface::{Statistics, doubt, index, look_at};
 use super::{BusErrors, CanOpenError};
 use crate::absence::Absence;
+use crate::doubt::Doubt;
 
 /// How long a transmit queue may stay full. Longer means that no node on the bus acknowledges.
 const FULL_FOR: Duration = Duration::from_millis(1000);
@@ -39,6 +40,8 @@ const OVERFLOW: u8 = 0x03;
 pub(super) struct SocketBus {
     interface: String,
     socket: Socket,
+    /// Why the interface that was opened first does not prove that a bus is behind it.
+    doubt: Option<Doubt>,
     statistics: Statistics,
     errors: BusErrors,
     full_since: Option<Instant>,
@@ -59,9 +62,11 @@ enum Socket {
 
 impl SocketBus {
     pub(super) fn open(interface: &str) -> Result<Self, CanOpenError> {
+        let (socket, doubt) = open(interface, None)?;
         Ok(Self {
             interface: interface.to_owned(),
-            socket: open(interface, None)?,
+            socket,
+            doubt,
             statistics: Statistics::of(interface),
             errors: BusErrors::default(),
             full_since: None,
@@ -70,6 +75,10 @@ impl SocketBus {
 
     pub(super) fn name(&self) -> String {
         name(&self.interface)
+    }
+
+    pub(super) fn doubt(&self) -> Option<&Doubt> {
+        self.doubt.as_ref()
     }
 
     pub(super) fn errors(&self) -> BusErrors {
@@ -204,7 +213,8 @@ impl SocketBus {
     fn come_back(&mut self) -> io::Result<Option<BusEvent>> {
         let Socket::Away(absence) = &mut self.socket else { return Ok(None) };
         match open(&self.interface, Some(*absence)) {
-            Ok(socket) => {
+            Ok((_, Some(doubt))) if self.doubt.is_none() => Err(doubt.on_return()),
+            Ok((socket, _)) => {
                 (self.socket, self.full_since) = (socket, None);
                 let Socket::Open { mute: Some(absence), .. } = &mut self.socket else { return Ok(None) };
                 Ok(absence.returned().map(BusEvent::Back))
@@ -218,11 +228,16 @@ fn name(interface: &str) -> String {
     format!("CAN interface {interface}")
 }
 
-fn open(interface: &str, mute: Option<Absence>) -> Result<Socket, CanOpenError> {
+fn open(interface: &str, mute: Option<Absence>) -> Result<(Socket, Option<Doubt>), CanOpenError> {
     look_at(interface)?;
     let system = |source| CanOpenError::System { interface: interface.to_owned(), source };
     let index = index(interface).ok_or_else(|| CanOpenError::Missing { interface: interface.to_owned() })?;
     let socket = CanSocket::open(interface).map_err(system)?;
+    // The interface of this name is still the one that was looked at.
+    let doubt = match self::index(interface) {
+        Some(now) if now == index => doubt(interface, index),
+        _ => return Err(CanOpenError::Missing { interface: interface.to_owned() }),
+    };
     socket.set_nonblocking(true).map_err(system)?;
     // Without this filter no error frames come.
     socket.set_error_filter(CAN_ERR_MASK & !LOST_ARBITRATION).map_err(system)?;
@@ -231,7 +246,7 @@ fn open(interface: &str, mute: Option<Absence>) -> Result<Socket, CanOpenError> 
         .or_else(|_| setsockopt(&socket, sockopt::RcvBuf, &RECEIVE_BUFFER));
     #[expect(deprecated, reason = "its successor is unsafe; this socket owns its descriptor and keeps it open")]
     let socket = AsyncFd::new(socket).map_err(system)?;
-    Ok(Socket::Open { socket, index, look_at: Instant::now() + LOOK, mute })
+    Ok((Socket::Open { socket, index, look_at: Instant::now() + LOOK, mute }, doubt))
 }
 
 /// Counts what an error frame says. A frame that the controller lost is not an error of the bus.

@@ -17,6 +17,7 @@ use tokio_util::bytes::BytesMut;
 
 use super::OpenError;
 use crate::absence::Absence;
+use crate::doubt::Doubt;
 use crate::memory::MemoryPort;
 
 /// Bytes read at once: several times what an adapter passes on in a frame of USB.
@@ -45,6 +46,8 @@ impl<T: AsyncRead + AsyncWrite + Send + Unpin + fmt::Debug> Stream for T {}
 pub(crate) struct Port {
     place: PortLocation,
     state: State,
+    /// Why the port that was opened first does not prove that a device is at its other end.
+    doubt: Option<Doubt>,
     /// Received bytes that were not taken yet.
     pub(crate) incoming: BytesMut,
     /// Bytes to send; the code that fills the buffer bounds it.
@@ -84,9 +87,9 @@ enum Moved {
 
 impl Port {
     pub(crate) fn open(place: PortLocation) -> Result<Self, OpenError> {
-        let state = place.open(None)?;
+        let (state, doubt) = place.open(None)?;
         let (incoming, outgoing) = (BytesMut::with_capacity(READ_AT_ONCE), BytesMut::new());
-        Ok(Self { place, state, incoming, outgoing, came: 0 })
+        Ok(Self { place, state, doubt, incoming, outgoing, came: 0 })
     }
 
     pub(crate) fn rate_baud(&self) -> u32 {
@@ -99,6 +102,10 @@ impl Port {
     /// The name of the port for people.
     pub(crate) fn name(&self) -> String {
         format!("port {}", self.place)
+    }
+
+    pub(crate) fn doubt(&self) -> Option<&Doubt> {
+        self.doubt.as_ref()
     }
 
     /// Whether the port is there, as far as this program knows.
@@ -172,7 +179,8 @@ impl Port {
     fn look(&mut self) -> io::Result<Option<PortEvent>> {
         let State::Away(absence) = &mut self.state else { return Ok(None) };
         match self.place.open(Some(*absence)) {
-            Ok(open) => {
+            Ok((_, Some(doubt))) if self.doubt.is_none() => Err(doubt.on_return()),
+            Ok((open, _)) => {
                 self.state = open;
                 let State::Open { mute: Some(absence), .. } = &mut self.state else { return Ok(None) };
                 Ok(absence.returned().map(PortEvent::Back))
@@ -186,15 +194,20 @@ impl Port {
 }
 
 impl PortLocation {
-    fn open(&self, mute: Option<Absence>) -> Result<State, OpenError> {
-        let stream: Box<dyn Stream> = match self {
-            Self::Device(path, rate_baud) => Box::new(open_stream(path, *rate_baud)?),
+    /// Opens the port, and looks at what was opened.
+    fn open(&self, mute: Option<Absence>) -> Result<(State, Option<Doubt>), OpenError> {
+        let (stream, doubt): (Box<dyn Stream>, _) = match self {
+            Self::Device(path, rate_baud) => {
+                let stream = open_stream(path, *rate_baud)?;
+                let doubt = Doubt::of_open_port(path, &stream);
+                (Box::new(stream), doubt)
+            }
             Self::Memory(port) => {
-                Box::new(port.open().ok_or_else(|| OpenError::Missing { port: port.to_string().into() })?)
+                (Box::new(port.open().ok_or_else(|| OpenError::Missing { port: port.to_string().into() })?), None)
             }
         };
         let (reader, writer) = tokio::io::split(stream);
-        Ok(State::Open { reader, writer, mute })
+        Ok((State::Open { reader, writer, mute }, doubt))
     }
 }
 

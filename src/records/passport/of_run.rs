@@ -126,6 +126,7 @@ fn origin(record: &RunRecord, record_sha256: &str, chain: Option<&str>) -> Origi
         plan_sha256: plain(&record.plan.sha256),
         outcome: record.verdict.to_string(),
         simulated: record.bench.kind == BenchKind::Simulated,
+        unproven: record.bench.kind == BenchKind::Unproven,
         recomputed_from: earlier(&record.recomputed),
         resumed_from: earlier(&record.resumed),
         numbers: record.numbers.iter().map(number_of).collect(),

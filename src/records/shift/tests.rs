@@ -69,6 +69,34 @@ fn the_last_run_decides_and_the_first_judged_run_is_the_first_try() {
     assert_eq!(shift.first_pass(), (2, 4));
 }
 
+/// A bench that does not prove its board adds nothing to a shift, neither to that of a real bench nor to its own.
+#[test]
+fn an_unproven_run_is_of_no_shift() {
+    let found = |kind: &str| {
+        let at = "2026-11-23T08:00:00+08:00";
+        let header = serde_json::json!({
+            "schema": "gnc-events/1", "serial_number": "A", "operator": null, "station": "s",
+            "program": { "name": "p", "version": "1" }, "bench": { "kind": kind }, "selection": null, "loop": null,
+            "plan": { "name": "functional", "version": "1.0", "sha256": "aa" },
+        });
+        let begun = serde_json::json!({ "seq": 0, "at": at, "elapsed_us": 0, "kind": "run_started", "header": header, "items": [] });
+        let ended =
+            serde_json::json!({ "seq": 1, "at": at, "elapsed_us": 5, "kind": "run_ended", "outcome": "failed" });
+        let folded = gnc_executive::journal::fold(format!("{begun}\n{ended}\n").as_bytes()).unwrap();
+        let run = Ok(gnc_executive::record::RunRecord::from_state(&folded.state).unwrap());
+        FoundRun { path: PathBuf::from("2026-11-23/A/080000-functional"), run, sealed: true, running: false }
+    };
+    let counts = |run: &str, of: BenchKind| {
+        let of = ShiftOf { records: PathBuf::new(), station: "s".into(), kind: of };
+        WholeRun::of(&found(run), &of, &mut LateCloses::default()).is_some()
+    };
+    use BenchKind::{Real, Simulated, Unproven};
+    assert!(counts("real", Real) && counts("simulated", Simulated));
+    for of in [Real, Simulated, Unproven] {
+        assert!(!counts("unproven", of), "{of:?}");
+    }
+}
+
 #[test]
 fn each_plan_has_its_own_first_try() {
     use Outcome::{Failed, Passed};

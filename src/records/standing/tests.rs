@@ -131,6 +131,8 @@ fn a_whole_run_on_a_real_bench_counts() {
 fn what_its_record_says_of_a_run_is_called_what_it_is() {
     let set = |key: &'static str, value: Value| move |record: &mut Value| record[key] = value.clone();
     check(set("bench", json!({ "kind": "simulated" })), nothing, "functional passed 2026-11-28 14:30: simulated");
+    let unproven = json!({ "kind": "unproven", "unproven": "port /tmp/board is a pseudo-terminal" });
+    check(set("bench", unproven), nothing, "functional passed 2026-11-28 14:30: unproven");
     let earlier = json!({ "run": "120000-functional", "journal_sha256": "00" });
     let rejudged = "functional passed 2026-11-28 14:30: re-judged by other limits";
     check(set("recomputed", earlier), nothing, rejudged);
@@ -375,6 +377,10 @@ fn a_doubt_after_a_pass_is_told() {
         (record["bench"]["kind"], record["outcome"]) = ("simulated".into(), "failed".into());
     };
     shelf.run_with("functional", "2026-11-28T14:41:00+08:00", simulated);
+    let unproven = |record: &mut Value| {
+        (record["bench"]["kind"], record["outcome"]) = ("unproven".into(), "failed".into());
+    };
+    shelf.run_with("functional", "2026-11-28T14:41:30+08:00", unproven);
     assert_eq!(shelf.standing_at(LATER).to_string(), "functional passed 2026-11-28 14:30");
     shelf.run_with("functional", "2026-11-28T14:42:00+08:00", selected("failed"));
     let doubted = shelf.standing_at(LATER);
@@ -422,4 +428,22 @@ fn simulated_runs_count_on_a_simulated_bench_alone() {
     let words = "functional passed 2026-11-28 14:30, simulated";
     assert_eq!((simulated.passes(), simulated.to_string().as_str()), (true, words));
     assert!(!shelf.standing_at(LATER).passes());
+}
+
+/// A bench that does not prove its board says nothing of a module on any bench, its own included.
+#[test]
+fn unproven_runs_count_on_no_bench() {
+    let shelf = Shelf::new();
+    shelf.run_with("functional", ENDED, |record| record["bench"]["kind"] = "unproven".into());
+    let plan = plan_info("functional", DIGEST);
+    for bench in [BenchKind::Real, BenchKind::Unproven, BenchKind::Simulated] {
+        for asked in [PlanAsked::This(&plan), PlanAsked::Named("functional")] {
+            let standing = shelf.ask(LATER, asked, bench);
+            assert!(standing.counts.is_none() && !standing.passes_beyond_doubt(), "{bench:?}: {standing:?}");
+            assert_eq!(standing.to_string(), "functional passed 2026-11-28 14:30: unproven", "{bench:?}");
+        }
+    }
+    // A real pass is one for an unproven bench, which may only not add to it.
+    shelf.run("functional", "2026-11-28T14:40:00+08:00");
+    assert!(shelf.ask(LATER, PlanAsked::This(&plan), BenchKind::Unproven).passes());
 }

@@ -146,6 +146,12 @@ impl StationKey {
         Ok(Self(SigningKey::from_bytes(&behind(&PRIVATE_HEAD, file, path, "private")?)))
     }
 
+    /// The public half.
+    #[must_use]
+    pub fn public(&self) -> PublicKey {
+        PublicKey(self.0.verifying_key())
+    }
+
     /// The signature of a text.
     #[must_use]
     pub(crate) fn sign(&self, text: &[u8]) -> [u8; 64] {

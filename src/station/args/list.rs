@@ -6,7 +6,7 @@ use clap::builder::PossibleValuesParser;
 
 /// What `--outcome` knows: the outcomes that a run can have, the states of a run without one, and why an outcome
 /// counts for nothing.
-const OUTCOMES: [&str; 15] = [
+const OUTCOMES: [&str; 16] = [
     "passed",
     "marginal",
     "failed",
@@ -22,6 +22,7 @@ const OUTCOMES: [&str; 15] = [
     "closed_late",
     "not_in_chain",
     "rejudged",
+    "unproven",
 ];
 
 /// Which runs are listed, and in what form.

@@ -2,10 +2,13 @@
 
 mod table;
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
+use gnc_executive::bench::ShortDigest;
+use gnc_executive::event::{BenchKind, PlanInfo};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::{Flaw, Seal};
 use gnc_executive::verdict::Verdict;
@@ -68,10 +71,13 @@ fn proved(found: &FoundRun, kept: Option<Seal>) -> Option<Verdict> {
 /// Why the verdict of a closed run counts for nothing, in the word of `--outcome`; `None` if it may count.
 fn worth(found: &FoundRun, kept: Option<Seal>) -> Option<&'static str> {
     let is_rejudged = verdict(found).is_some() && found.run.as_ref().is_ok_and(|run| run.recomputed.is_some());
+    let is_unproven =
+        verdict(found).is_some() && found.run.as_ref().is_ok_and(|run| run.bench.kind == BenchKind::Unproven);
     match kept {
         Some(Seal::Flawed(Flaw::UnderWay)) => Some(Found::Running.as_str()),
         Some(seal @ Seal::Flawed(_)) => table::seal_word(seal),
-        Some(Seal::Chained) | None => is_rejudged.then_some(REJUDGED),
+        Some(Seal::Chained) | None if is_rejudged => Some(REJUDGED),
+        Some(Seal::Chained) | None => is_unproven.then_some(BenchKind::Unproven.as_str()),
     }
 }
 
@@ -81,6 +87,28 @@ fn word(found: &FoundRun, kept: Option<Seal>) -> &'static str {
     let passes = verdict(found).is_some_and(Verdict::passes_module);
     let worth = worth(found, kept).filter(|_| passes);
     worth.unwrap_or_else(|| verdict(found).map_or_else(|| found.state().as_str(), Verdict::as_str))
+}
+
+/// The texts that the plans of a list have: name and version stay when a limit is loosened.
+#[derive(Default)]
+struct PlanTexts(BTreeMap<(String, String), Vec<(String, u32)>>);
+
+impl PlanTexts {
+    /// Takes the plan of a run; the first digits of its digest if an earlier run in the list has another text under this name
+    /// and version.
+    fn other_text(&mut self, plan: &PlanInfo) -> Option<ShortDigest> {
+        let digests = self.0.entry((plan.name.clone(), plan.version.clone())).or_default();
+        match digests.iter_mut().find(|(digest, _)| *digest == plan.sha256) {
+            Some((_, runs)) => *runs += 1,
+            None => digests.push((plan.sha256.clone(), 1)),
+        }
+        (digests.len() > 1).then(|| ShortDigest::of(&plan.sha256))
+    }
+
+    /// The plans with more than one text, and how many runs each text has.
+    fn of_several_texts(&self) -> impl Iterator<Item = (&(String, String), &[(String, u32)])> {
+        self.0.iter().map(|(plan, digests)| (plan, digests.as_slice())).filter(|(_, digests)| digests.len() > 1)
+    }
 }
 
 /// Lists runs in the order in which they were closed.
@@ -137,6 +165,7 @@ fn for_people<W: Write>(
     runs: impl Iterator<Item = FoundRun>,
 ) -> io::Result<()> {
     let mut none = true;
+    let mut plans = PlanTexts::default();
     let mut seals = Seals::new(&place.path);
     for found in runs {
         none = false;
@@ -144,7 +173,11 @@ fn for_people<W: Write>(
             Ok(run) => {
                 let kept = kept(&found, &mut seals)?;
                 // The word for a run that is not closed stands before.
-                super::summary(&out.wording, word(&found, kept), run, kept.unwrap_or(Seal::Chained))
+                let line = super::summary(&out.wording, word(&found, kept), run, kept.unwrap_or(Seal::Chained));
+                match plans.other_text(&run.plan) {
+                    Some(digest) => format!("{line}  {digest}"),
+                    None => line,
+                }
             }
             Err(_) if found.running => out.wording.text(word(&found, None)),
             Err(error) => {
@@ -157,6 +190,13 @@ fn for_people<W: Write>(
             "{line}  {}",
             shown_path(found.path.strip_prefix(&place.path).unwrap_or(&found.path))
         ))?;
+    }
+    for (plan, digests) in plans.of_several_texts() {
+        let (name, version) = (printable(&plan.0), printable(&plan.1));
+        for (digest, runs) in digests {
+            let digest = ShortDigest::of(digest);
+            out.try_say(format_args!("plan {name} {version} is not one text in this list: {digest} in {runs} runs"))?;
+        }
     }
     if none {
         let such = if args.wants_all() { "no run" } else { "no such run" };

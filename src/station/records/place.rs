@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use gnc_records::store::{KeyError, StationKey};
 
 use crate::files;
 use crate::refusal::CommandRefusal;
-use crate::setup::{BENCH_FILE, RECORDS, records_of};
+use crate::setup::{BENCH_FILE, RECORDS, key, records_of};
 
 /// The options of commands that read records.
 #[derive(Debug, Clone, Default, Args)]
@@ -46,6 +47,20 @@ impl RecordsArgs {
         let what = if place.path.exists() { "this is no records folder" } else { "there is no records folder" };
         let try_this = "name the folder with --records DIR, or the bench file that names it with --bench FILE";
         Err(CommandRefusal::new(format!("{what}: {}", place.in_words()), try_this))
+    }
+
+    /// The key that signs: the one that is named, else that of the bench file; `None` if there is none.
+    ///
+    /// # Errors
+    /// The bench file cannot be read or has mistakes, or the key cannot be used.
+    pub(crate) fn key(&self, named: Option<&Path>) -> Result<Option<StationKey>, CommandRefusal> {
+        if let Some(path) = named {
+            let refused = |error: KeyError| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this());
+            return StationKey::read(path).map(Some).map_err(refused);
+        }
+        let here = Path::new(BENCH_FILE);
+        let Some(bench) = self.bench.as_deref().or_else(|| here.exists().then_some(here)) else { return Ok(None) };
+        key(&files::bench(bench)?, bench.parent())
     }
 
     fn place(&self) -> Result<RecordsPlace, CommandRefusal> {

@@ -54,6 +54,7 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
         habits: BenchHabits::default(),
         serial_number: file.serial_number,
         numbers: file.numbers,
+        plans: file.plans,
         scanner: file.scanner,
         clock_is_right: args.clock_is_right,
         site: file.site,
@@ -144,6 +145,7 @@ impl SimulatedModule {
             site: checked.site.clone(),
             serial_number: checked.serial_number.clone(),
             numbers: checked.numbers.clone(),
+            plans: checked.plans.clone(),
             clock_is_right: checked.clock_is_right,
         };
         Ok(Setup { equipment, simulation: Some(running) })

@@ -67,6 +67,10 @@ pub(crate) struct Texts {
     /// At most three letters for a narrow list, like the other short caveats.
     pub simulated_short: &'static str,
     pub simulated_long: &'static str,
+    pub unproven: &'static str,
+    pub unproven_short: &'static str,
+    /// With the reason in the language of the screen.
+    pub unproven_long: &'static str,
     pub too_small: &'static str,
     /// What a small screen lacks, and the size from which on it is there.
     pub small_screen: &'static str,
@@ -260,6 +264,8 @@ pub(crate) struct Texts {
     pub on_fail_continue: &'static str,
     pub not_a_number: &'static str,
     pub plan_good: &'static str,
+    pub plan_pinned: &'static str,
+    pub plan_not_pinned: &'static str,
     pub mistakes_found: &'static str,
     pub mistakes_of_bench: &'static str,
     // Live.

@@ -61,6 +61,7 @@ pub(crate) struct RunLine {
     pub plan: String,
     pub mark: RunMark,
     pub simulated: bool,
+    pub unproven: bool,
     pub selection: bool,
     pub rejudged: bool,
     pub elapsed_s: f64,

@@ -69,6 +69,7 @@ impl Scene {
             name: "functional".into(),
             version: "1.0".into(),
             sha256: "00".repeat(32),
+            is_pinned: false,
             items: items(),
             programs: Vec::new(),
             part: Some("GNC-POP-26".into()),
@@ -81,6 +82,14 @@ impl Scene {
         let terminal = Terminal::new(TestBackend::new(width, height)).map_err(std::io::Error::other)?;
         let plan = ("functional", items());
         Ok(Self { model, plan, terminal, now, run_began: Duration::ZERO, seq: 0, rejudged: false })
+    }
+
+    /// The bench is one that does not prove its board.
+    #[cfg(test)]
+    pub(crate) fn unproven(&mut self) {
+        if let Loaded::Ready(bench) = &mut self.model.bench {
+            bench.kind = BenchKind::Unproven;
+        }
     }
 
     /// A screen in the middle of a run: three items at work, curves of a minute on the live page.
@@ -183,7 +192,11 @@ impl Scene {
         let schema = events_form(selection.as_deref()).to_owned();
         let recomputed =
             self.rejudged.then(|| EarlierRun { run: "140500-functional".to_owned(), journal_sha256: "00".repeat(32) });
-        let header = Box::new(RunHeader { schema, selection, recomputed, ..header(serial_number, plan) });
+        let mut header = RunHeader { schema, selection, recomputed, ..header(serial_number, plan) };
+        if matches!(&self.model.bench, Loaded::Ready(bench) if bench.kind == BenchKind::Unproven) {
+            header.bench = BenchInfo::real().in_doubt(Some("port /dev/pts/7 is a pseudo-terminal".to_owned()));
+        }
+        let header = Box::new(header);
         self.event(EventKind::RunStarted { header, items });
         self.tell(Msg::RoundBegins { folder: "records/2026-11-22/DEMO-1/143000-functional".into() });
     }

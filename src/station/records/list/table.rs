@@ -57,6 +57,11 @@ pub(super) struct Line<'a> {
     error: Option<String>,
     /// How the record of a closed run is kept, whatever the run says.
     seal: Option<&'static str>,
+    /// "real", "unproven" or "simulated".
+    bench: Option<&'static str>,
+    /// The outcome of old samples that were judged by another plan: the module was not tested, so `outcome` and
+    /// `selection_outcome` are null.
+    rejudged_outcome: Option<Outcome>,
 }
 
 /// The word of a list for how a record is kept; `None` while its station still closes it.
@@ -75,11 +80,16 @@ impl<'a> Line<'a> {
         let run = found.run.as_ref().ok();
         // A run at its very start has no whole event yet, which is no error.
         let error = found.run.as_ref().err().filter(|_| !found.running);
+        let (tested, rejudged) = match super::proved(found, kept) {
+            verdict if run.is_some_and(|run| run.recomputed.is_some()) => (None, verdict),
+            verdict => (verdict, None),
+        };
         Self {
             run: found.place(records),
             state: found.state().as_str(),
-            outcome: super::proved(found, kept).and_then(Verdict::of_module),
-            selection_outcome: super::proved(found, kept).and_then(Verdict::of_selection),
+            outcome: tested.and_then(Verdict::of_module),
+            selection_outcome: tested.and_then(Verdict::of_selection),
+            rejudged_outcome: rejudged.map(Verdict::of_items),
             serial_number: run.filter(|run| run.other_module.is_none()).map(|run| run.serial_number.as_str()),
             other_module: run.and_then(|run| run.other_module.as_ref()).map(both_numbers),
             plan: run.map(|run| run.plan.name.as_str()),
@@ -91,6 +101,7 @@ impl<'a> Line<'a> {
             station: run.map(|run| run.station.as_str()),
             operator: run.and_then(|run| run.operator.as_deref()),
             simulated: run.map(|run| run.bench.kind == BenchKind::Simulated),
+            bench: run.map(|run| run.bench.kind.as_str()),
             selection: run.and_then(|run| run.selection.as_deref()),
             numbers: run
                 .filter(|run| !run.numbers.is_empty())
@@ -110,7 +121,7 @@ impl<'a> Line<'a> {
     }
 
     /// Each field with its name, in the order of the columns.
-    fn cells(&self) -> [(&'static str, String); 24] {
+    fn cells(&self) -> [(&'static str, String); 26] {
         let text = |text: Option<&str>| text.map(safe).unwrap_or_default();
         let outcome = |outcome: Option<Outcome>| outcome.map(Outcome::as_str).unwrap_or_default().to_owned();
         let time = |time: Option<DateTime<FixedOffset>>| {
@@ -141,6 +152,8 @@ impl<'a> Line<'a> {
             ("program_commit", text(self.program_commit)),
             ("error", text(self.error.as_deref())),
             ("seal", self.seal.unwrap_or_default().to_owned()),
+            ("bench", self.bench.unwrap_or_default().to_owned()),
+            ("rejudged_outcome", outcome(self.rejudged_outcome)),
         ]
     }
 }

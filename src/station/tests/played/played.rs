@@ -102,6 +102,7 @@ pub(crate) fn serve(
             site: file.site,
             serial_number: None,
             numbers: Vec::new(),
+            plans: Default::default(),
             clock_is_right: false,
         };
         let done = service::run(request, equipment, control, &Live::default(), &mut observer).await;

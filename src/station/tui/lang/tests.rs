@@ -162,13 +162,18 @@ fn parts_are_filled_in_in_order() {
 /// The screen says of a module what `--auto` and the lists say, with no English left.
 #[test]
 fn the_standing_is_the_same_on_every_face() {
+    use gnc_executive::event::BenchKind;
     use gnc_executive::standing::{Flaw, PastRun, Standing};
     let run = |plan: &str, items: Option<usize>, flaws: Vec<Flaw>| PastRun {
         at: Some(chrono::DateTime::UNIX_EPOCH.fixed_offset()),
         plan: plan.into(),
         verdict: Some(Verdict::new(Outcome::Passed, items.is_some())),
         items: items.map(|items| (0..items).map(|item| format!("item-{item}")).collect()),
-        simulated: flaws.contains(&Flaw::Simulated),
+        bench: match (flaws.contains(&Flaw::Simulated), flaws.contains(&Flaw::Unproven)) {
+            (true, _) => BenchKind::Simulated,
+            (_, true) => BenchKind::Unproven,
+            _ => BenchKind::Real,
+        },
         is_broken: false,
         flaws,
     };
@@ -183,6 +188,7 @@ fn the_standing_is_the_same_on_every_face() {
         Flaw::ClosedLate,
         Flaw::Changed,
         Flaw::Simulated,
+        Flaw::Unproven,
         Flaw::Rejudged,
         Flaw::OtherPlan,
         Flaw::OtherVersion,
@@ -196,7 +202,10 @@ fn the_standing_is_the_same_on_every_face() {
     let mut all = vec![
         standing(None, None),
         standing(Some(run("f", None, Vec::new())), None),
-        standing(Some(PastRun { simulated: true, ..run("f", None, Vec::new()) }), Some(run("f", Some(3), vec![]))),
+        standing(
+            Some(PastRun { bench: BenchKind::Simulated, ..run("f", None, Vec::new()) }),
+            Some(run("f", Some(3), vec![])),
+        ),
         standing(None, Some(run("g", Some(4), vec![Flaw::OtherPlan, Flaw::Simulated]))),
         standing(None, Some(PastRun { at: None, verdict: None, ..run("f\u{1b}", None, vec![Flaw::Unreadable]) })),
     ];

@@ -76,6 +76,8 @@ pub(crate) struct PlanView {
     pub version: String,
     /// Digest of the plan that was checked. A start runs exactly this plan.
     pub sha256: String,
+    /// Whether the bench file pins this digest.
+    pub is_pinned: bool,
     pub items: Vec<PlannedItem>,
     /// The programs of the items that capture.
     pub programs: Vec<ProgramView>,

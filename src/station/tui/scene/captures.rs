@@ -85,6 +85,7 @@ impl Scene {
             name: "calibration".into(),
             version: "1.0".into(),
             sha256: "00".repeat(32),
+            is_pinned: false,
             items,
             programs: plan.items().iter().filter_map(ProgramView::of).collect(),
             part: Some("GNC-POP-26".into()),

@@ -62,6 +62,7 @@ fn line(found: reader::FoundRun, late_closes: &mut LateCloses) -> RunLine {
             path: found.path,
             at: Some(run.started),
             simulated: run.bench.kind == BenchKind::Simulated,
+            unproven: run.bench.kind == BenchKind::Unproven,
             selection: run.selection.is_some(),
             rejudged: run.recomputed.is_some(),
             serial_number: match run.other_module {
@@ -82,6 +83,7 @@ fn line(found: reader::FoundRun, late_closes: &mut LateCloses) -> RunLine {
             path: found.path,
             mark,
             simulated: false,
+            unproven: false,
             selection: false,
             rejudged: false,
             elapsed_s: 0.0,

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use gnc_bench::service::CheckedPlan;
+use gnc_executive::bench::PinnedPlans;
 use gnc_executive::catalogue::processor::PART;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
@@ -68,6 +69,7 @@ pub(super) enum Looked {
 pub(super) fn look(args: &RunArgs, plan_path: Option<&Path>, tell: impl Fn(Looked)) {
     let bench = setup::check(args);
     let known = bench.as_ref().ok().map(|bench| (bench.abilities, bench.bench.kind, bench.records.clone()));
+    let pinned = bench.as_ref().ok().map(|bench| bench.plans.clone()).unwrap_or_default();
     let usual = bench.as_ref().ok().and_then(|bench| bench.habits.plan.clone());
     let plan_path = plan_path.map(Path::to_owned).or(usual).unwrap_or_else(|| PLAN.into());
     let plan_path = plan_path.as_path();
@@ -79,7 +81,7 @@ pub(super) fn look(args: &RunArgs, plan_path: Option<&Path>, tell: impl Fn(Looke
     tell(Looked::Bench { path, bench });
     // Without a bench, check the plan alone, so that the operator can correct one after the other.
     let abilities = known.as_ref().map_or(setup::SIMULATED, |(abilities, ..)| *abilities);
-    let plan = plan_view(plan_path, args.reach(), abilities).map(Box::new);
+    let plan = plan_view(plan_path, args.reach(), abilities, &pinned).map(Box::new);
     let sha256 = plan.as_ref().ok().map(|plan| plan.1.sha256.clone());
     tell(Looked::Plan { path: plan_path.display().to_string(), plan });
     if let (Some(sha256), Some((_, kind, records))) = (sha256, known) {
@@ -117,8 +119,16 @@ fn usual_operator(checked: &CheckedBench) -> Option<UsualOperator> {
     last.map(|name| UsualOperator { name, remembered: true })
 }
 
-fn plan_view(path: &Path, reach: Reach, abilities: BenchAbilities) -> Result<(HeldPlan, PlanView), CommandRefusal> {
+fn plan_view(
+    path: &Path,
+    reach: Reach,
+    abilities: BenchAbilities,
+    pinned: &PinnedPlans,
+) -> Result<(HeldPlan, PlanView), CommandRefusal> {
     let checked = files::plan(path, reach)?;
+    let refused = pinned.check(&checked.plan().name, checked.sha256());
+    refused.map_err(|error| CommandRefusal::new(&error, error.try_this()))?;
+    let is_pinned = !pinned.is_empty();
     let plan = checked.plan();
     let part = plan.items().iter().find_map(|item| match item.limit(PART.name) {
         Some(Limit::Text(text)) => Some(text.resolve("").to_owned()),
@@ -133,7 +143,8 @@ fn plan_view(path: &Path, reach: Reach, abilities: BenchAbilities) -> Result<(He
     let words = plan.items().iter().flat_map(|item| &item.questions).map(|question| question.words.clone()).collect();
     let (numbers, parts) = (plan.numbers.clone(), plan.parts().cloned().collect());
     let asks = Arc::new(PlanAsks { numbers, parts, drift_limits, words });
-    let view = PlanView { name, version, sha256, items, programs, part, serial_number, asks, expected_s: None };
+    let view =
+        PlanView { name, version, sha256, is_pinned, items, programs, part, serial_number, asks, expected_s: None };
     Ok((HeldPlan { path: path.to_owned(), plan: checked }, view))
 }
 

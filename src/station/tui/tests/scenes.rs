@@ -7,7 +7,7 @@ use gnc_analysis::heat::{Temperatures, Warmth};
 use gnc_bench::fixture::{Ask, SwitchReading, TakenOver};
 use gnc_bench::guidance::Stage;
 use gnc_executive::catalogue::ItemId;
-use gnc_executive::event::{AttemptError, ErrorRecord, EventKind, NoteLevel};
+use gnc_executive::event::{AttemptError, BenchKind, ErrorRecord, EventKind, NoteLevel};
 use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::standing::{PastRun, Standing};
 use gnc_executive::verdict::Verdict;
@@ -51,6 +51,14 @@ pub(super) const SCENES: &[(&str, Play)] = &[
     }),
     ("passed", |lang, size| {
         played(lang, size, |scene| {
+            scene.start("DEMO-1");
+            scene.passes(&ITEMS.map(ItemId::as_str));
+            scene.run_ends(Outcome::Passed);
+        })
+    }),
+    ("unproven", |lang, size| {
+        played(lang, size, |scene| {
+            scene.unproven();
             scene.start("DEMO-1");
             scene.passes(&ITEMS.map(ItemId::as_str));
             scene.run_ends(Outcome::Passed);
@@ -274,6 +282,7 @@ pub(super) fn line(serial_number: &str, minute: u32, mark: RunMark) -> RunLine {
         plan: "functional".into(),
         mark,
         simulated: true,
+        unproven: false,
         selection: minute == 7,
         rejudged: minute == 9,
         elapsed_s: 4.86,
@@ -287,7 +296,7 @@ pub(super) fn has_failed(at: DateTime<FixedOffset>) -> Standing {
         plan: "functional".into(),
         verdict: Some(Verdict::Module(Outcome::Failed)),
         items: None,
-        simulated: true,
+        bench: BenchKind::Simulated,
         is_broken: false,
         flaws: Vec::new(),
     };

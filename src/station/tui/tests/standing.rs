@@ -34,8 +34,15 @@ fn what_does_not_count_is_shown_as_what_it_is() {
     let at = chrono::DateTime::parse_from_rfc3339("2026-11-21T14:30:00+08:00").expect("a time");
     let beside = |plan: &str, items: Option<Vec<String>>, flaws: Vec<Flaw>| {
         let verdict = Some(Verdict::new(Outcome::Passed, items.is_some()));
-        let run =
-            PastRun { at: Some(at), plan: plan.into(), verdict, items, simulated: false, is_broken: false, flaws };
+        let run = PastRun {
+            at: Some(at),
+            plan: plan.into(),
+            verdict,
+            items,
+            bench: gnc_executive::event::BenchKind::Real,
+            is_broken: false,
+            flaws,
+        };
         Standing { plan: "functional".into(), counts: None, beside: Some(run) }
     };
     let identity = || Some(vec!["identity".to_owned()]);

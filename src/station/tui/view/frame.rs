@@ -97,7 +97,7 @@ fn standing(model: &ScreenModel) -> Option<(String, Style)> {
     })
 }
 
-/// What marks a simulated bench, from the longest to the shortest words; none on a real bench.
+/// What marks a simulated or an unproven bench, from the longest to the shortest words; none on a real bench.
 fn badges(model: &ScreenModel) -> Vec<String> {
     let texts = model.texts;
     match &model.bench {
@@ -108,6 +108,9 @@ fn badges(model: &ScreenModel) -> Vec<String> {
                 format!(" {} ", texts.simulated),
                 format!(" {} ", texts.simulated_short),
             ]
+        }
+        Loaded::Ready(bench) if bench.kind == BenchKind::Unproven => {
+            vec![format!(" {} ", texts.unproven), format!(" {} ", texts.unproven_short)]
         }
         _ => Vec::new(),
     }
@@ -194,6 +197,10 @@ pub(super) fn no_evidence(model: &ScreenModel) -> Vec<String> {
     if header.bench.kind == BenchKind::Simulated {
         let name = header.bench.personality.as_deref().unwrap_or_default();
         reasons.push(fill(model.texts.simulated_long, &[&text::shown(name)]));
+    }
+    if header.bench.kind == BenchKind::Unproven {
+        let why = model.said(header.bench.unproven.as_deref().unwrap_or_default());
+        reasons.push(fill(model.texts.unproven_long, &[&text::shown(&why)]));
     }
     if let Some(other) = model.shown_state().and_then(RunState::other_module) {
         let [found, scanned] = [&other.found, &other.scanned].map(|number| text::shown(number));

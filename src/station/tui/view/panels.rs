@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use gnc_executive::catalogue::ItemId;
 use gnc_executive::catalogue::processor::PART;
-use gnc_executive::event::{BoardBreach, StopHow};
+use gnc_executive::event::{BenchKind, BoardBreach, StopHow};
 use gnc_executive::numbers::NumberField;
 use gnc_executive::state::RunState;
 use gnc_executive::text::duration;
@@ -448,9 +448,11 @@ fn no_verdict(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
 /// A caveat beside the verdict itself, since a person may see nothing else.
 fn short_caveat(model: &ScreenModel) -> String {
     let header = model.run.as_ref().and_then(|run| run.state.header());
-    let simulated = header.is_some_and(|header| header.bench.kind == gnc_executive::event::BenchKind::Simulated);
+    let is_kind = |kind| header.is_some_and(|header| header.bench.kind == kind);
+    let (simulated, unproven) = (is_kind(BenchKind::Simulated), is_kind(BenchKind::Unproven));
     let selection = header.is_some_and(|header| header.selection.is_some());
-    let words = [(simulated, model.texts.simulated), (selection, model.texts.selection)];
+    let texts = model.texts;
+    let words = [(simulated, texts.simulated), (unproven, texts.unproven), (selection, model.texts.selection)];
     words.iter().filter(|(is, _)| *is).map(|(_, word)| *word).collect::<Vec<_>>().join(" ")
 }
 

@@ -135,6 +135,7 @@ fn run_spans(model: &ScreenModel, run: &RunLine, same: bool, cells: usize) -> Ve
     let number_style = if same { style::faint() } else { style::strong() };
     let caveats = [
         (run.simulated, texts.simulated, texts.simulated_short),
+        (run.unproven, texts.unproven, texts.unproven_short),
         (run.selection, texts.selection, texts.selection_short),
         (run.rejudged, texts.rejudged, texts.rejudged_short),
         (matches!(run.mark, RunMark::Late(_)), texts.late, texts.late_short),

@@ -1,5 +1,6 @@
 //! The form for plan, bench, operator, rounds and language.
 
+use gnc_executive::bench::ShortDigest;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
@@ -56,7 +57,9 @@ pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area
         (_, Loaded::Ready(plan)) => {
             let good = fill(texts.plan_good, &[&plan.items.len().to_string()]);
             let line = format!(" {} {}: {good}", text::shown(&plan.name), text::shown(&plan.version));
-            text::lines(frame, [Line::raw(line)], below);
+            let pinned = if plan.is_pinned { texts.plan_pinned } else { texts.plan_not_pinned };
+            let pinned = format!(" SHA-256 {}: {pinned}", ShortDigest::of(&plan.sha256));
+            text::lines(frame, [Line::raw(line), Line::styled(pinned, style::faint())], below);
         }
         _ => text::lines(frame, [Line::raw(format!(" {}", texts.loading))], below),
     }
