@@ -335,7 +335,8 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let at = |name: &str| place.path().join(name);
         let names = [DIGESTS, RECORD, cut_off::CUT_OFF, "a.mcap", crate::store::JOURNAL];
-        let put: [(&str, &dyn Fn(&Path)); 4] = [
+        type Put<'a> = (&'a str, &'a dyn Fn(&Path));
+        let put: [Put<'_>; 4] = [
             ("pipe", &|path| nix::unistd::mkfifo(path, nix::sys::stat::Mode::S_IRWXU).unwrap()),
             ("folder", &|path| fs::create_dir(path).unwrap()),
             ("link to a file", &|path| std::os::unix::fs::symlink("/etc/hostname", path).unwrap()),
