@@ -72,6 +72,10 @@ pub struct RunRecord {
     /// The scanned number and that of the module in the socket, if they are not the same: the run is of neither.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub other_module: Option<OtherModule>,
+    /// When the run was closed late, as RFC 3339 writes it: its station ended before it closed the run, so a pass of its items is errored
+    /// here. Absent if the station that carried it out closed it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub closed_late: Option<String>,
     /// Names of the chosen items; null for the whole plan. A selection is never a module's pass.
     pub selection: Option<Vec<String>>,
     /// Which round of a loop.
@@ -238,6 +242,7 @@ impl RunRecord {
             board: state.board().cloned(),
             board_breaches: state.breaches().iter().map(BreachRecord::from).collect(),
             other_module: state.other_module().cloned(),
+            closed_late: None,
             selection: header.selection,
             looped: header.looped,
             started,
@@ -260,6 +265,25 @@ impl RunRecord {
             (attempt.measurements, attempt.details) = (measurements, details);
         }
         Some(record)
+    }
+
+    /// The record of a run that is closed late: what its station did not live to close is no pass, whatever its items said.
+    #[must_use]
+    pub fn closed_late(mut self, at: &str) -> Self {
+        self.closed_late = Some(at.to_owned());
+        if self.verdict.of_items().is_good() {
+            self.verdict = self.verdict.at_least(Outcome::Errored);
+        }
+        self
+    }
+
+    /// The record as a journal gives it, closed late if the other one is. The journal ends before that.
+    #[must_use]
+    pub fn closed_like(self, other: &Self) -> Self {
+        match &other.closed_late {
+            Some(at) => self.closed_late(at),
+            None => self,
+        }
     }
 
     /// Whether the record may speak for the module: the bench is real, the plan is whole, the run has an end, its

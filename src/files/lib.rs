@@ -10,4 +10,4 @@ mod part;
 pub use open::{
     Reach, Refused, below, is_refused, named, named_beginning, open, own, read, read_beginning, read_below, text,
 };
-pub use part::{PART, Part, create_new, put};
+pub use part::{PART, Part, append, create_new, put};

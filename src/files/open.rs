@@ -159,7 +159,7 @@ fn at_link(folder: &File, name: &std::ffi::OsStr, error: io::Error) -> io::Error
 }
 
 /// The file, if it is a regular one.
-fn regular(file: File) -> io::Result<File> {
+pub(crate) fn regular(file: File) -> io::Result<File> {
     let kind = file.metadata()?.file_type();
     Err(io::Error::from(if kind.is_file() {
         return Ok(file);

@@ -114,6 +114,20 @@ pub fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
 }
 
+/// Opens a regular file to append to, and makes it if it is not there. A link in its place is refused, and a pipe does not wait for
+/// its reader.
+///
+/// # Errors
+/// The error of the system; [`crate::Refused`] within it for what is not a regular file.
+pub fn append(path: &Path) -> io::Result<File> {
+    let flags = OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK | OFlag::O_NOCTTY;
+    let opened = OpenOptions::new().create(true).read(true).append(true).custom_flags(flags.bits()).open(path);
+    crate::open::regular(opened.map_err(|error| match path.symlink_metadata() {
+        Ok(meta) if meta.is_symlink() => crate::Refused::Link.into(),
+        _ => error,
+    })?)
+}
+
 /// Makes a file for writing that is not there yet; a link of its name is in the way, too.
 ///
 /// # Errors
@@ -169,6 +183,24 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4, "no part is left");
         symlink("nowhere", at("dangling")).unwrap();
         assert!(create_new(&at("dangling")).is_err());
+    }
+
+    #[test]
+    fn only_a_regular_file_is_appended_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for text in ["one ", "two"] {
+            append(&at("file")).unwrap().write_all(text.as_bytes()).unwrap();
+        }
+        assert_eq!(fs::read(at("file")).unwrap(), b"one two");
+        symlink("file", at("link")).unwrap();
+        symlink("none", at("dangling")).unwrap();
+        nix::unistd::mkfifo(&at("pipe"), nix::sys::stat::Mode::S_IRWXU).unwrap();
+        let why = |name: &str| append(&at(name)).err().as_ref().and_then(crate::is_refused);
+        assert_eq!(why("link"), Some(crate::Refused::Link));
+        assert_eq!(why("dangling"), Some(crate::Refused::Link));
+        assert_eq!(why("pipe"), Some(crate::Refused::Pipe));
+        assert!(append(folder.path()).is_err() && !at("none").exists());
     }
 
     #[test]

@@ -129,7 +129,11 @@ fn identity(page: &mut SvgPage, record: &RunRecord, late: Option<&str>) {
 /// Whether the verdict counts for the module, as far as the record can tell while it is closed.
 fn worth(record: &RunRecord, late: Option<&str>) -> String {
     let mut flaws = own_flaws(record);
-    flaws.extend(late.map(|_| Flaw::ClosedLate));
+    if late.is_some() {
+        // A pass that is closed late has no other reason to be errored.
+        flaws.retain(|flaw| *flaw != Flaw::NoVerdict);
+        flaws.push(Flaw::ClosedLate);
+    }
     let words = flaws.iter().map(|flaw| match flaw {
         Flaw::Selection => "only chosen items were run",
         Flaw::NoVerdict => "the station could not tell",

@@ -174,6 +174,7 @@ fn record(outcome: Outcome, items: Vec<ItemRecord>) -> RunRecord {
         site: None,
         recomputed: None,
         other_module: None,
+        closed_late: None,
         resumed: None,
         station: "line-7".to_owned(),
         operator: Some("Zhang\nWei".to_owned()),

@@ -74,6 +74,8 @@ fn seal_files(
     began: Option<&Place>,
 ) -> Result<(), StoreError> {
     let late = by.late;
+    let marked = record.zip(late).map(|(record, late)| record.clone().closed_late(&late.at));
+    let record = marked.as_ref().or(record);
     let mut sums = FileDigests::default();
     if record.is_some_and(|record| record.other_module.is_some()) {
         folder.unassign()?;

@@ -135,7 +135,7 @@ impl StationKey {
     /// # Errors
     /// [`KeyError`].
     pub fn read(path: &Path) -> Result<Self, KeyError> {
-        let file = on(File::open(path), "read", path)?;
+        let file = on(gnc_files::open(path), "read", path)?;
         let meta = on(file.metadata(), "read", path)?;
         if meta.uid() != nix::unistd::geteuid().as_raw() {
             return Err(KeyError::Foreign { path: path.to_owned() });
@@ -169,7 +169,7 @@ impl PublicKey {
     /// # Errors
     /// [`KeyError`].
     pub fn read(path: &Path) -> Result<Self, KeyError> {
-        let bytes = behind(&PUBLIC_HEAD, on(File::open(path), "read", path)?, path, "public")?;
+        let bytes = behind(&PUBLIC_HEAD, on(gnc_files::open(path), "read", path)?, path, "public")?;
         let no_key = |_| KeyError::NoKey { path: path.to_owned(), form: "public" };
         Ok(Self(VerifyingKey::from_bytes(&bytes).map_err(no_key)?))
     }

@@ -5,7 +5,7 @@
 //! Only the next start of the same station does so, and only for a run that a power cut can have left. A run that the
 //! chain names, that another station wrote, or whose files contradict its journal stays as it is.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +14,7 @@ use gnc_executive::state::RunState;
 
 use super::chain::{self, Before, LateClose, Scribe};
 use super::closing;
+use super::reader::MAX_RECORD_BYTES;
 use super::recovery::{Sealer, Until};
 use super::{DIGESTS, ITEM, JOURNAL, RECORD, RunFolder, StoreError, cut_off, item_folder, on, reader};
 
@@ -79,13 +80,14 @@ fn close_one(records: &Path, run: &Path, sealer: &Sealer<'_>) -> Result<Option<S
 /// Whether the record for programs is whole and says something else than the journal: no power cut does that.
 fn contradicts(run: &Path, record: &RunRecord) -> Result<bool, StoreError> {
     let path = run.join(RECORD);
-    let bytes = match fs::read(&path) {
+    let bytes = match gnc_files::read_below(run, Path::new(RECORD), MAX_RECORD_BYTES) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
         read => on(read, "read", &path)?,
     };
     // A power cut may leave half of the file, or zeros: it is made again.
     Ok(match serde_json::from_slice::<serde_json::Value>(&bytes) {
-        Ok(value) => serde_json::from_value::<RunRecord>(value).ok().as_ref() != Some(record),
+        Ok(value) => serde_json::from_value::<RunRecord>(value)
+            .map_or(true, |stored| stored != record.clone().closed_like(&stored)),
         Err(_) => false,
     })
 }
@@ -94,7 +96,7 @@ fn contradicts(run: &Path, record: &RunRecord) -> Result<bool, StoreError> {
 fn complete_items(folder: &RunFolder, state: &RunState) -> Result<(), StoreError> {
     for (position, row) in state.rows().iter().enumerate() {
         let name = format!("{}/{ITEM}", item_folder(position, &row.planned.name));
-        let stored = fs::read(folder.path().join(&name)).unwrap_or_default();
+        let stored = gnc_files::read_below(folder.path(), Path::new(&name), MAX_RECORD_BYTES).unwrap_or_default();
         let is_whole = serde_json::from_slice::<serde_json::Value>(&stored).is_ok();
         if let Some(file) = ItemFile::from_state(state, position).filter(|_| !is_whole) {
             folder.put(&name, |out| closing::pretty(out, &file))?;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use chrono::NaiveDate;
 use gnc_executive::event::Event;
 use gnc_executive::journal::{self, FoldError, JournalError, JournalLines, Unknown};
-use gnc_executive::plan::MAX_PLAN_FILES;
+use gnc_executive::plan::{MAX_PLAN_BYTES, MAX_PLAN_FILES};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
@@ -21,6 +21,9 @@ use super::{
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
 /// station.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
+
+/// Longest record for programs, and paper: a record holds what its journal says, in less than a quarter of the bytes.
+pub(super) const MAX_RECORD_BYTES: u64 = 256 << 20;
 
 /// Longest list of digests: that of a run of 20,000 items with all of their files.
 const MAX_DIGESTS_BYTES: u64 = 64 << 20;
@@ -464,7 +467,9 @@ pub fn plan(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, ReadError> {
         return Err(ReadError::NoPlan);
     }
     let named = |path: &PathBuf| name_of(path).get(3..).unwrap_or_default().to_owned();
-    files.iter().map(|path| Ok((named(path), fs::read(path).map_err(cannot)?))).collect()
+    let read =
+        |path: &PathBuf| gnc_files::read_below(folder, &Path::new(PLAN).join(name_of(path)), MAX_PLAN_BYTES as u64);
+    files.iter().map(|path| Ok((named(path), read(path).map_err(cannot)?))).collect()
 }
 
 /// A paper as it was filed: passport or report.
@@ -472,7 +477,7 @@ pub fn plan(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, ReadError> {
 /// # Errors
 /// The error of the system.
 pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
-    fs::read(folder.join(name))
+    gnc_files::read_below(folder, Path::new(name), MAX_RECORD_BYTES)
 }
 
 /// A journal that is read line by line: a long one would take as much memory as its file.
@@ -594,11 +599,13 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     }
     problems.extend(captures::of_other_runs(folder)?);
     if let Some(state) = state {
-        let stored = fs::read(folder.join(RECORD)).ok();
+        let stored = gnc_files::read_below(folder, Path::new(RECORD), MAX_RECORD_BYTES).ok();
         let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
-        match (stored, RunRecord::of_folded(state)) {
-            (Some(stored), Some(folded)) if stored == folded => {}
-            _ => problems.push(format!("{RECORD} does not say what {JOURNAL} says")),
+        let is_same = stored
+            .zip(RunRecord::of_folded(state))
+            .is_some_and(|(stored, folded)| folded.closed_like(&stored) == stored);
+        if !is_same {
+            problems.push(format!("{RECORD} does not say what {JOURNAL} says"));
         }
     }
     Ok(Verified { problems, newer, ..Verified::default() })
@@ -608,7 +615,8 @@ fn folders(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let mut found = Vec::new();
     for entry in on(fs::read_dir(dir), "read", dir)? {
         let path = on(entry, "read", dir)?.path();
-        if path.is_dir() {
+        // A link to a folder is none of the records, wherever it leads; `verify` names it.
+        if path.symlink_metadata().is_ok_and(|meta| meta.is_dir()) {
             found.push(path);
         }
     }

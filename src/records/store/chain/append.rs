@@ -5,8 +5,8 @@
 //! it cannot be written, the run is closed all the same, `records verify` names the difference, and the next run or the next
 //! start mends it. So no error can leave a run that one face calls closed and another one not.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write as _};
+use std::fs::File;
+use std::io::{self, Read as _, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
 use super::entry::{ChainEntry, Kind, Place, Scribe};
-use super::read::{chain_of, chains, counter, name_in};
+use super::read::{MAX_CHAIN_BYTES, chain_of, chains, counter, name_in};
 use super::{CHAIN, COUNTER, NOTHING, begin};
 use crate::store::folder::sync_dir;
 use crate::store::{DIGESTS, StoreError, digest, on, reader};
@@ -87,8 +87,8 @@ impl<'a> Book<'a> {
         let path = day.join(CHAIN);
         on(is_not_the_last(before.number), "write", &path)?;
         let line = line(&before);
-        let mut file = on(OpenOptions::new().create(true).append(true).open(&path), "write", &path)?;
-        let whole = on(whole_lines(&path), "read", &path)?;
+        let mut file = on(gnc_files::append(&path), "write", &path)?;
+        let whole = on(whole_lines(&mut file), "read", &path)?;
         on(file.set_len(whole), "write", &path)?;
         let written = on(file.write_all(line.line().as_bytes()).and_then(|()| file.sync_all()), "write", &path);
         let written = written.and_then(|()| sync_dir(day)).and_then(|()| match count(self.records, &line.place()) {
@@ -114,8 +114,12 @@ fn is_not_the_last(number: u64) -> io::Result<()> {
 
 /// Bytes of a chain up to the end of its last whole line. A power cut or a full disk may leave half a line, which would
 /// swallow the next one.
-pub(super) fn whole_lines(path: &Path) -> io::Result<u64> {
-    let text = fs::read(path)?;
+pub(super) fn whole_lines(chain: &mut File) -> io::Result<u64> {
+    let mut text = Vec::new();
+    chain.take(MAX_CHAIN_BYTES + 1).read_to_end(&mut text)?;
+    if text.len() as u64 > MAX_CHAIN_BYTES {
+        return Err(gnc_files::Refused::TooLong { limit: MAX_CHAIN_BYTES }.into());
+    }
     Ok(text.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last as u64 + 1))
 }
 
@@ -157,9 +161,8 @@ pub fn try_out(records: &Path) -> Result<(), StoreError> {
     drop(on(Part::create(&counter), "write", &counter.with_extension(PART))?);
     for day in reader::day_names(records)?.iter().rev().take(1) {
         let chain = records.join(day).join(CHAIN);
-        match OpenOptions::new().append(true).open(&chain) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            opened => drop(on(opened, "write", &chain)?),
+        if chain.symlink_metadata().is_ok() {
+            drop(on(gnc_files::append(&chain), "write", &chain)?);
         }
     }
     Ok(())

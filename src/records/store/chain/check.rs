@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
+use super::append::lock;
 use super::entry::{ChainEntry, Place};
 use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
 use super::{COUNTER, NOTHING, matching, places, signed, times};
@@ -72,7 +73,10 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
     let closed = closed(records)?;
     let strays = places::strays(records);
+    // No station writes meanwhile. Where the lock cannot be had, what stands there is read all the same.
+    let held = lock(records).ok();
     let book = ChainBook::read(records)?;
+    drop(held);
     let mut checked = ChainCheck {
         runs: book.lines.iter().filter(|line| line.is_close()).count(),
         late: book.lines.iter().filter(|line| line.late.is_some()).count(),
@@ -247,8 +251,8 @@ impl ChainBook {
             checked.problems.push(format!("run {} is not the run that {COUNTER} remembers", counted.number));
         } else if ends > counted.number {
             // A line counts when it is on disk, and the counter follows it.
-            checked.notes.push(format!(
-                "{COUNTER} counts {} lines, but the chain has {ends}: its station ended, or could not write, between the two",
+            checked.incomplete.push(format!(
+                "{COUNTER} counts {} lines, but the chain has {ends}: its station ended, or could not write, between the two; the next start mends it",
                 counted.number
             ));
         }

@@ -2,7 +2,7 @@
 //! mended: half a line, a counter that is behind the chain or in pieces. A counter that is ahead of the chain remembers runs that
 //! are gone, and stays.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -74,7 +74,7 @@ fn look(records: &Path) -> Result<Vec<Fault>, StoreError> {
 
 /// Whether a chain ends with a whole line; `None` if there is none, or an empty one.
 fn ends_in_a_line(chain: &Path) -> io::Result<Option<bool>> {
-    let mut file = match File::open(chain) {
+    let mut file = match gnc_files::own(chain) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         opened => opened?,
     };
@@ -91,8 +91,8 @@ impl Fault {
     fn mend(self, records: &Path) -> Result<Option<String>, StoreError> {
         Ok(Some(match self {
             Self::HalfLine { chain, day } => {
-                let whole = on(whole_lines(&chain), "read", &chain)?;
-                let file = on(OpenOptions::new().write(true).open(&chain), "write", &chain)?;
+                let mut file = on(gnc_files::append(&chain), "write", &chain)?;
+                let whole = on(whole_lines(&mut file), "read", &chain)?;
                 on(file.set_len(whole).and_then(|()| file.sync_all()), "write", &chain)?;
                 format!("the chain of {day} ended with half a line, as a sudden end leaves it; it is removed")
             }

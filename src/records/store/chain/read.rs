@@ -8,7 +8,7 @@ use super::{CHAIN, COUNTER};
 use crate::store::{StoreError, on, reader};
 
 /// Longest chain of a day that is read: a hundred thousand lines of a kilobyte.
-const MAX_CHAIN_BYTES: u64 = 100 << 20;
+pub(super) const MAX_CHAIN_BYTES: u64 = 100 << 20;
 /// Longest counter that is read: a number and a link, and whatever a person who copies it leaves behind them.
 pub(super) const MAX_COUNTER_BYTES: u64 = 4096;
 

@@ -146,7 +146,7 @@ fn a_power_cut_between_line_and_counter_is_no_forgery() {
     fs::write(folder.path().join(COUNTER), counter).expect("a counter");
     let checked = verify(folder.path()).expect("a folder");
     check(&checked.problems, &[]);
-    check(&checked.notes, &["COUNTER counts 2 lines, but the chain has 3"]);
+    check(&checked.incomplete, &["COUNTER counts 2 lines, but the chain has 3"]);
     close(folder.path(), 3);
     assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 4, first: 1, ..ChainCheck::default() });
 }

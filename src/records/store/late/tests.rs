@@ -1,5 +1,7 @@
 //! Power cuts at every point between the end of a run and its line in the chain, and what must never be closed late.
 
+use std::fs;
+
 use chrono::{DateTime, FixedOffset};
 use gnc_executive::event::{BenchKind, ProgramVersion};
 use gnc_executive::outcome::Outcome;
@@ -332,6 +334,10 @@ fn the_mark_stays() {
     );
     let report = fs::read_to_string(run.join(crate::report::REPORT)).unwrap();
     assert!(report.contains("CLOSED LATE") && report.contains("no: closed late"));
+    // No file calls it a pass.
+    let record: serde_json::Value = serde_json::from_slice(&fs::read(run.join(crate::store::RECORD)).unwrap()).unwrap();
+    assert_eq!((&record["outcome"], &record["closed_late"]), (&json!("errored"), &json!("2026-11-28T16:00:00+08:00")));
+    assert_eq!(reader::verify(&run), Vec::<String>::new());
     let chain = shelf.path().join(DAY).join(CHAIN);
     let text = fs::read_to_string(&chain).unwrap();
     let unmarked: String = text.lines().map(|line| line.split(" late ").next().unwrap().to_owned() + "\n").collect();
