@@ -206,3 +206,29 @@ fn captures_of_a_good_module_are_not_those_of_a_bad_one() {
     let (is_as_written, said) = verify(&records, &[]);
     assert!(!is_as_written && said.contains("attempt-1.mcap: it is of another run"), "{said}");
 }
+
+/// What is no copy of the counter, and no number and link, is refused with its form: nothing is called as written by it.
+#[test]
+fn a_witness_that_cannot_be_read_is_no_witness() {
+    let kept = Kept::new();
+    let link = kept.head.split(' ').nth(1).expect("a link").to_owned();
+    let heads = ["", "8", "8 ", "x", "0 0", &format!("-1 {link}"), &format!("8 {}", &link[1..]), &format!("8 {link}0")];
+    let mut witnesses: Vec<Vec<String>> = heads.map(|head| vec!["--head".to_owned(), head.to_owned()]).to_vec();
+    let garbage = kept.place.path().join("garbage");
+    std::fs::write(&garbage, "8 twelve\n").expect("a file");
+    nix::unistd::mkfifo(&kept.place.path().join("pipe"), nix::sys::stat::Mode::S_IRWXU).expect("a pipe");
+    for name in ["garbage", "none", "pipe", "records"] {
+        let path = kept.place.path().join(name).to_string_lossy().into_owned();
+        witnesses.push(vec!["--counter".to_owned(), path.clone()]);
+        witnesses.push(vec!["--key".to_owned(), path]);
+    }
+    for witness in witnesses {
+        let (is_as_written, said) = verify(&kept.records(), &witness);
+        assert!(!is_as_written && said.contains("\n  try: ") && !said.contains("as written"), "{witness:?}: {said}");
+    }
+    // Two that can be read count both.
+    let both =
+        |head: &str| verify(&kept.records(), &["--head".into(), kept.head.clone(), "--head".into(), head.into()]).0;
+    assert!(both(&kept.head));
+    assert!(!both(&format!("3 {link}")), "another line has this link");
+}
