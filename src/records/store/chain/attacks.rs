@@ -153,6 +153,33 @@ fn the_newest_run_is_cut_off() {
     });
 }
 
+#[test]
+fn the_oldest_day_is_removed() {
+    check("oldest_day", |shelf| shelf.remove("2026-11-21"));
+}
+
+/// The oldest run of a day goes with its lines, and the rest of the day stays.
+#[test]
+fn the_oldest_lines_are_removed() {
+    check("oldest_lines", |shelf| {
+        shelf.remove("2026-11-21/A");
+        Forge::read(shelf).without("2026-11-21/A/").write_as_they_are(shelf);
+    });
+}
+
+/// Old days are moved elsewhere, and number and link of their last line are kept.
+#[test]
+fn days_that_were_moved_have_a_witness() {
+    let shelf = Shelf::new();
+    let last = Forge::read(&shelf).keeping(|words| words[7].starts_with("2026-11-21/")).last();
+    let head = |text: &str| Head { kept: "--head".to_owned(), place: super::Place::parse(text).unwrap() };
+    shelf.remove("2026-11-21");
+    assert_eq!(shelf.found(true, &[&head(&last), &shelf.counter]), Vec::<String>::new());
+    let other = format!("4 {}", "0".repeat(64));
+    let found = shelf.found(true, &[&head(&other)]);
+    assert!(found.iter().any(|found| found.contains("nothing witnesses line 4 before it")), "{found:?}");
+}
+
 /// A station is killed at the first failure, and its run goes.
 #[test]
 fn a_run_that_began_is_removed() {

@@ -87,6 +87,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     };
     checked.problems.extend(book.broken.iter().cloned());
     book.order(&mut checked.problems);
+    book.beginning(against, &mut checked.problems);
     matching::check(&book, &mut checked.problems);
     book.without_line(&closed, !against.keys.is_empty(), &mut checked);
     book.counter(&mut checked);
@@ -188,6 +189,21 @@ impl ChainBook {
         }
     }
 
+    /// Whether the lines before the first one, if there were any, are witnessed: their days were moved elsewhere, and not taken away.
+    /// Who asks with nothing learns from where on the chain is there.
+    fn beginning(&self, against: &Against<'_>, problems: &mut Vec<String>) {
+        let asks = !against.keys.is_empty() || !against.heads.is_empty();
+        let Some(first) = self.lines.first().filter(|first| asks && first.number > 1) else { return };
+        if !against.heads.iter().any(|head| is_before(first, &head.place)) {
+            problems.push(format!(
+                "the chain begins at line {} ({}), and nothing witnesses line {} before it: the oldest runs are missing; if they were moved elsewhere, give number and link of that line with --head",
+                first.number,
+                first.run,
+                first.number.saturating_sub(1)
+            ));
+        }
+    }
+
     /// Reports closed runs without a line. Versions before the chain wrote none, so runs that are older than the first line have
     /// none, and nothing shows when they were added.
     fn without_line(&self, closed: &[String], has_key: bool, checked: &mut ChainCheck) {
@@ -266,15 +282,13 @@ impl ChainBook {
         for Head { kept, place } in heads {
             let mut found = self.lines.iter().filter(|line| line.number == place.number);
             let number = place.number;
-            let is_before_first =
-                |line: &ChainEntry| line.number.checked_sub(1) == Some(number) && line.before == place.link;
             match found.next() {
                 Some(line) if line.link == place.link => {}
                 Some(_) => problems.push(format!(
                     "line {number} of the chain is not the one that {kept} witnesses: the chain was made anew"
                 )),
                 // The days up to this line were moved elsewhere, and the rest follows from it.
-                None if self.lines.first().is_some_and(is_before_first) => {}
+                None if self.lines.first().is_some_and(|first| is_before(first, place)) => {}
                 None if number > last => problems.push(format!(
                     "{kept} witnesses line {number}, but the chain ends at line {last}: the newest runs are missing"
                 )),
@@ -339,6 +353,11 @@ fn closing_broke_off(name: &str) -> String {
     format!(
         "{name} is not in the chain: its station ended, or could not write, while it closed the run; the next start goes on"
     )
+}
+
+/// Whether a line says that it follows the one at this place.
+fn is_before(line: &ChainEntry, place: &Place) -> bool {
+    line.number.checked_sub(1) == Some(place.number) && line.before == place.link
 }
 
 /// Whether the counter is empty, or holds zeros alone.

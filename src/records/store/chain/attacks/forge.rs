@@ -30,6 +30,12 @@ impl Forge {
         Self(lines)
     }
 
+    /// Number and link of the last line.
+    pub(super) fn last(&self) -> String {
+        let words = self.0.last().unwrap();
+        format!("{} {}", words[0], words[3])
+    }
+
     pub(super) fn keeping(mut self, keep: impl Fn(&[String]) -> bool) -> Self {
         self.0.retain(|words| keep(words));
         self
