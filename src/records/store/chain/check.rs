@@ -7,7 +7,7 @@ use super::append::lock;
 use super::entry::{ChainEntry, Place};
 use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
 use super::{COUNTER, NOTHING, matching, places, signed, times};
-use crate::store::{PublicKey, StoreError, goes_on, reader};
+use crate::store::{DIGESTS, PublicKey, StoreError, goes_on, reader};
 
 /// What the chain is compared with.
 #[derive(Debug, Clone, Copy, Default)]
@@ -162,6 +162,18 @@ impl ChainBook {
         (has_begun && self.close_of(&name).is_none()).then(|| closing_broke_off(&name))
     }
 
+    /// What is wrong with a run without digests, by the lines that name it: it was closed, or its journal does not begin as it did.
+    /// `None`: no line speaks against it. A run that never began has no line, and one that goes on has that of its beginning.
+    #[must_use]
+    pub fn unlike_an_open_run(&self, run: &Path) -> Option<String> {
+        let name = name_in(&self.records, run);
+        if let Some(close) = self.close_of(&name) {
+            return Some(format!("run {} ({name}) was closed, and its {DIGESTS} is missing", close.number));
+        }
+        let began = self.lines.iter().find(|line| !line.is_close() && line.run == name)?;
+        matching::unlike_its_beginning(self, began)
+    }
+
     /// The line of a closed run.
     pub(super) fn close_of(&self, run: &str) -> Option<&ChainEntry> {
         self.lines.iter().find(|line| line.is_close() && line.run == run)
@@ -301,9 +313,9 @@ impl ChainBook {
     }
 
     /// What is wrong with the lines of one closed run: their links, their neighbours, their signatures, and what they say of the
-    /// folder. Of a folder without a chain nothing is said.
+    /// folder; and whether the chain leads from its lines to what was kept elsewhere. Of a folder without a chain nothing is said.
     #[must_use]
-    pub fn of_run(&self, run: &Path, keys: &[PublicKey]) -> Vec<String> {
+    pub fn of_run(&self, run: &Path, against: &Against<'_>) -> Vec<String> {
         let mut problems = Vec::new();
         if self.is_empty() {
             return problems;
@@ -338,8 +350,32 @@ impl ChainBook {
                 problems.push(format!("run {} ({}): the chain is broken beside its line", line.number, line.run));
             }
         }
-        signed::check_lines(self, &own, keys, &mut problems);
+        if let Some(line) = own.first() {
+            problems.extend(against.heads.iter().filter_map(|head| self.gap(line, head, &by_number)));
+        }
+        signed::check_lines(self, &own, against.keys, &mut problems);
         problems
+    }
+
+    /// Where the lines from one to what was kept elsewhere do not follow from one another, so that it witnesses nothing of that one.
+    /// A line that is missing, or another than was kept, is said by [`Self::unlike`].
+    fn gap(&self, from: &ChainEntry, head: &Head, by_number: &HashMap<u64, &ChainEntry>) -> Option<String> {
+        let Head { kept, place } = head;
+        by_number.get(&place.number)?;
+        let between = self.lines.iter().filter(|line| (from.number..=place.number).contains(&line.number));
+        let mut before: Option<&ChainEntry> = None;
+        for line in between {
+            let follows = before
+                .is_none_or(|before| Some(line.number) == before.number.checked_add(1) && line.before == before.link);
+            if !line.is_true() || !follows {
+                return Some(format!(
+                    "{kept} does not witness run {} ({}): the chain is broken at line {} between the two",
+                    from.number, from.run, line.number
+                ));
+            }
+            before = Some(line);
+        }
+        None
     }
 
     /// Why a closed run has no signature, if that is no change.
