@@ -21,7 +21,7 @@ use serde::Deserialize;
 
 use apart::Apart;
 
-use crate::store::chain::DayLinks;
+use crate::store::chain::{DayLinks, OpenRun};
 use crate::store::digest::{self, FileDigests};
 use crate::store::{self, DIGESTS, JOURNAL, RECORD, StoreError, chain, name, reader};
 
@@ -52,17 +52,19 @@ pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreEr
         return Ok(standing);
     }
     let mut seals = Seals::new(records);
-    let Closed { counted, later, missing } = closed(records, question, &mut seals)?;
+    let Closed { counted, later, mut missing } = closed(records, question, &mut seals)?;
+    missing.extend(gone(records, question, counted.as_ref().map(|(number, ..)| *number), &mut seals)?);
+    missing.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
     let plan = question.plan.name();
     let mark = counted.as_ref().map(|(number, folder, _)| (*number, folder.as_path()));
     let apart = apart::after(records, question, mark, &mut seals)?;
     // No run before one of the plan that ended with another module in the socket counts: what became of the module in it is
     // not known.
     let voids = |run: &PastRun| run.speaks_against(plan);
-    let missing: Vec<PastRun> = missing.iter().map(|folder| nameless(folder, question, Flaw::Missing)).collect();
-    let gone = missing.first().cloned();
+    let missing: Vec<PastRun> = missing.iter().map(|(_, folder)| nameless(folder, question, Flaw::Missing)).collect();
+    let newest_gone = missing.first().cloned();
     if counted.is_none() && !apart.iter().any(|apart| voids(&apart.run)) {
-        standing.beside = newest(records, question, &mut seals)?.or(gone);
+        standing.beside = newest(records, question, &mut seals)?.or(newest_gone);
         return Ok(standing);
     }
     let after = in_order(records, question, mark, later, apart, &mut seals)?;
@@ -72,7 +74,7 @@ pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreEr
     }
     let found = doubt(&after, question, &mut seals)?;
     let against = found.clone().filter(voids).or_else(|| missing.into_iter().find(voids));
-    standing.beside = against.or(found).or(gone);
+    standing.beside = against.or(found).or(newest_gone);
     standing.counts = counted.map(|(_, _, run)| run);
     Ok(standing)
 }
@@ -90,8 +92,8 @@ struct Closed {
     counted: Option<(u64, PathBuf, PastRun)>,
     /// The runs that were closed after that one, with their numbers.
     later: Vec<(u64, PathBuf)>,
-    /// The runs after that one whose folders are gone, the last one first.
-    missing: Vec<PathBuf>,
+    /// The runs after that one whose folders are gone, with their numbers.
+    missing: Vec<(u64, PathBuf)>,
 }
 
 /// Looks from the newest closed run back to the first one that counts.
@@ -111,9 +113,9 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
     closed.sort_by_key(|(number, ..)| std::cmp::Reverse(*number));
     let mut found = Closed::default();
     for (number, in_time, folder) in closed.into_iter().take(MAX_COUNTED) {
-        if !folder.exists() {
+        if !is_own_folder(&folder) {
             if in_time {
-                found.missing.push(folder);
+                found.missing.push((number, folder));
             }
             continue;
         }
@@ -129,6 +131,41 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
         found.later.push((number, folder));
     }
     Ok(found)
+}
+
+/// The runs after the one that counts of which only lines in the chain are left: those that were closed, where the folder of the
+/// module is gone with them, and those that began. If nothing counts, a few days tell what to call the module.
+fn gone(
+    records: &Path,
+    question: &Question<'_>,
+    counted: Option<u64>,
+    seals: &mut Seals<'_>,
+) -> Result<Vec<(u64, PathBuf)>, StoreError> {
+    let days = days_of_passes(question);
+    let names = reader::folders_of(question.serial_number);
+    let in_time = |day: &String| NaiveDate::parse_from_str(day, "%Y-%m-%d").is_ok_and(|date| days.contains(&date));
+    // The end of a chain tells whether it has anything behind the run that counts.
+    let is_later =
+        |day: &String| counted.is_none_or(|counted| chain::last_line(records, day).is_some_and(|last| last > counted));
+    let of_time = reader::day_names(records)?.into_iter().rev().filter(in_time).filter(is_later);
+    let mut gone = Vec::new();
+    for day in of_time.take(if counted.is_some() { usize::MAX } else { MAX_NAMED }) {
+        // A chain that cannot be read concerns the modules of its day, whose folders are there; `verify` names it.
+        let Ok(links) = seals.day(&day) else { continue };
+        for name in &names {
+            if !is_own_folder(&records.join(&day).join(name)) {
+                let runs = links.of_module(name);
+                gone.extend(runs.map(|(number, run)| (number, records.join(run))));
+            }
+            let is_gone = |(run, open): &(&str, &OpenRun)| {
+                !is_own_folder(&records.join(run)) && !chain::was_moved(records, &day, open)
+            };
+            let begun = links.open_of_module(name).filter(is_gone);
+            gone.extend(begun.map(|(run, open)| (open.number, records.join(run))));
+        }
+    }
+    gone.retain(|(number, _)| counted.is_none_or(|counted| *number > counted));
+    Ok(gone)
 }
 
 /// A run after the one that counts.
@@ -272,7 +309,7 @@ fn after_name<'a>(folder: &'a str, plan: &str) -> Option<&'a str> {
 
 /// A run as it is; `None` if it belongs to another module, whose number gives the same name of a folder, or never began.
 fn past(folder: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result<Option<PastRun>, StoreError> {
-    if store::was_never_begun(folder) && seals.number(folder)?.is_none() {
+    if store::was_never_begun(folder) && seals.number(folder)?.is_none() && seals.open(folder)?.is_none() {
         return Ok(None);
     }
     let seal = seals.seal(folder)?;
@@ -424,12 +461,12 @@ impl<'a> Seals<'a> {
         })
     }
 
-    /// Whether the record of a run is known to be another one than was closed: the chain names it, and its digests are others
-    /// or gone.
+    /// Whether the record of a run is known to be another one than was closed, or began: the chain names it, and its digests are
+    /// others or gone, or its journal begins otherwise.
     fn is_broken(&mut self, run: &Path, seal: Seal) -> Result<bool, StoreError> {
         Ok(match seal {
             Seal::Flawed(Flaw::Changed) => true,
-            Seal::Flawed(Flaw::NotClosed) => self.number(run)?.is_some(),
+            Seal::Flawed(Flaw::NotClosed) => self.number(run)?.is_some() || self.began_otherwise(run)?,
             Seal::Flawed(_) | Seal::Chained => false,
         })
     }
@@ -450,6 +487,19 @@ impl<'a> Seals<'a> {
         let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
         let day = name.split('/').next().unwrap_or_default().to_owned();
         Ok(self.day(&day)?.find(&name).map(|link| link.number))
+    }
+
+    /// The line of a run that began and was not closed.
+    fn open(&mut self, run: &Path) -> Result<Option<OpenRun>, StoreError> {
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        Ok(self.day(&day)?.find_open(&name).cloned())
+    }
+
+    /// Whether a run that is not closed has another journal than when it began.
+    fn began_otherwise(&mut self, run: &Path) -> Result<bool, StoreError> {
+        let open = self.open(run)?;
+        Ok(open.is_some_and(|open| chain::digest_of_first_line(run).map_or(true, |digest| digest != open.digest)))
     }
 
     fn day(&mut self, day: &str) -> Result<&DayLinks, StoreError> {

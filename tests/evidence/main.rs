@@ -64,8 +64,30 @@ impl Kept {
     }
 }
 
-/// What `records verify` says: whether all is as written, and its lines.
+/// What `records verify` says: whether all is as written, and its lines. What is not is named by a finding, or by what a sudden
+/// end left; each has its exit code.
+#[track_caller]
 fn verify(records: &Path, witness: &[String]) -> (bool, String) {
+    let (code, text) = asked(records, witness);
+    if code == 0 {
+        return (true, text);
+    }
+    let closing = match code {
+        1 => "these records are not as they were written, so they prove nothing",
+        3 => "these records are incomplete: a station ended, or could not write, before they were closed",
+        _ => unreachable!("exit code {code}: {text}"),
+    };
+    let has_finding = text.lines().any(|line| {
+        let is_said = line.starts_with("chain: ") || line.starts_with("records/") || line.starts_with('/');
+        is_said && !line.contains(": as written")
+    });
+    assert!(has_finding && text.contains(closing), "exit code {code} without a finding: {text}");
+    (false, text)
+}
+
+/// What `records verify` says, with its exit code.
+#[track_caller]
+fn asked(records: &Path, witness: &[String]) -> (i32, String) {
     let mut command = Command::new(STATION);
     command.args(["records", "verify", "--records"]).arg(records).args(witness);
     command.stdin(Stdio::null()).env("NO_COLOR", "1").env("LC_ALL", "C.UTF-8");
@@ -73,12 +95,7 @@ fn verify(records: &Path, witness: &[String]) -> (bool, String) {
     let output = command.output().expect("the station");
     let text = [output.stdout, output.stderr].concat();
     let text = String::from_utf8_lossy(&text).into_owned();
-    match output.status.code() {
-        Some(0) => (true, text),
-        // Not as written, or not to be read at all.
-        Some(1 | 2) => (false, text),
-        other => unreachable!("{other:?}: {text}"),
-    }
+    (output.status.code().expect("an exit code"), text)
 }
 
 /// The attacked folder: a copy, since what is written is attacked many times.
@@ -213,7 +230,7 @@ fn a_witness_that_cannot_be_read_is_no_witness() {
     let kept = Kept::new();
     let link = kept.head.split(' ').nth(1).expect("a link").to_owned();
     let heads = ["", "8", "8 ", "x", "0 0", &format!("-1 {link}"), &format!("8 {}", &link[1..]), &format!("8 {link}0")];
-    let mut witnesses: Vec<Vec<String>> = heads.map(|head| vec!["--head".to_owned(), head.to_owned()]).to_vec();
+    let mut witnesses: Vec<Vec<String>> = heads.map(|head| vec![format!("--head={head}")]).to_vec();
     let garbage = kept.place.path().join("garbage");
     std::fs::write(&garbage, "8 twelve\n").expect("a file");
     nix::unistd::mkfifo(&kept.place.path().join("pipe"), nix::sys::stat::Mode::S_IRWXU).expect("a pipe");
@@ -223,12 +240,60 @@ fn a_witness_that_cannot_be_read_is_no_witness() {
         witnesses.push(vec!["--key".to_owned(), path]);
     }
     for witness in witnesses {
-        let (is_as_written, said) = verify(&kept.records(), &witness);
-        assert!(!is_as_written && said.contains("\n  try: ") && !said.contains("as written"), "{witness:?}: {said}");
+        let (code, said) = asked(&kept.records(), &witness);
+        assert!(code == 2 && said.contains("\n  try: ") && !said.contains("as written"), "{witness:?}: {said}");
     }
     // Two that can be read count both.
     let both =
         |head: &str| verify(&kept.records(), &["--head".into(), kept.head.clone(), "--head".into(), head.into()]).0;
     assert!(both(&kept.head));
     assert!(!both(&format!("3 {link}")), "another line has this link");
+}
+
+/// A file that is refused since it is no file of its own is a finding, as one that was changed is, and never a mistake of the one who asks.
+#[test]
+fn what_is_refused_is_a_finding() {
+    let kept = Kept::new();
+    let run = "2026-11-28/T-1/090000-small";
+    let files = ["COUNTER", "2026-11-28/CHAIN", "2026-11-29/CHAIN"].map(str::to_owned).into_iter();
+    let of_run = ["SHA256SUMS", "SHA256SUMS.sig", "events.jsonl", "run.json"].map(|file| format!("{run}/{file}"));
+    for file in files.chain(of_run) {
+        let spoil: [fn(&Path); 4] = [
+            |path| std::fs::create_dir(path).expect("a folder"),
+            |path| nix::unistd::mkfifo(path, nix::sys::stat::Mode::S_IRWXU).expect("a pipe"),
+            |path| std::os::unix::fs::symlink("../aside", path).expect("a link"),
+            |path| std::fs::write(path, [0xff, 0, b'\n', 0xfe]).expect("garbage"),
+        ];
+        for (at, spoil) in spoil.into_iter().enumerate() {
+            let (_place, records) = copied(&kept);
+            std::fs::rename(records.join(&file), records.with_file_name("aside")).expect("a file");
+            spoil(&records.join(&file));
+            let key = ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned()];
+            let (code, said) = asked(&records, &key);
+            assert_eq!(code, 1, "{file}, {at}: {said}");
+            verify(&records, &key);
+            let asked_of_run = asked(&records, &[&key[..], &[run.to_owned()]].concat());
+            assert!(asked_of_run.0 == 1 || file == "2026-11-29/CHAIN" && at == 3, "{file}, {at}: {asked_of_run:?}");
+        }
+    }
+}
+
+/// A run that was emptied is none that never began, also if it alone is asked for.
+#[test]
+fn an_emptied_run_is_a_finding() {
+    let kept = Kept::new();
+    let run = "2026-11-28/T-2/091000-small";
+    let (_place, records) = copied(&kept);
+    for entry in std::fs::read_dir(records.join(run)).expect("a run") {
+        let path = entry.expect("an entry").path();
+        if path.is_file() {
+            std::fs::remove_file(path).expect("a file");
+        }
+    }
+    std::fs::write(records.join(run).join("events.jsonl"), "").expect("a journal");
+    for witness in [vec![run.to_owned()], Vec::new()] {
+        let (code, said) = asked(&records, &witness);
+        assert_eq!(code, 1, "{said}");
+        assert!(said.contains(&format!("{run}: run 4 ({run}) was closed, and its SHA256SUMS is missing")), "{said}");
+    }
 }

@@ -18,7 +18,7 @@ pub(crate) struct Row {
     pub(crate) found: [bool; 4],
 }
 
-pub(crate) const ROWS: [Row; 17] = [
+pub(crate) const ROWS: [Row; 19] = [
     Row { what: "A byte of a file of a run is changed", attack: byte, found: [true; 4] },
     Row { what: "A file is removed from a run, or added to it", attack: removed_file, found: [true; 4] },
     Row {
@@ -41,6 +41,11 @@ pub(crate) const ROWS: [Row; 17] = [
         what: "The newest run is removed with its lines, and `COUNTER` is set back; or the folder is an older copy of itself",
         attack: newest_away,
         found: [false, true, false, true],
+    },
+    Row {
+        what: "The oldest days are removed, or the oldest runs with their lines",
+        attack: oldest_away,
+        found: [false, true, true, true],
     },
     Row { what: "The folders of two modules are swapped", attack: folders_swapped, found: [true; 4] },
     Row {
@@ -66,12 +71,17 @@ pub(crate) const ROWS: [Row; 17] = [
     },
     Row {
         what: "A run is inserted on a day before the first one",
-        attack: |records| early(records, false),
+        attack: |records| drop(early(records)),
         found: [true; 4],
     },
     Row {
+        what: "The same with its date in all of its files and its digests made anew, and the chain is left alone",
+        attack: early_dated,
+        found: [false, false, true, false],
+    },
+    Row {
         what: "The same, and the chain and `COUNTER` are made anew",
-        attack: |records| early(records, true),
+        attack: early_chained,
         found: [false, true, true, true],
     },
     Row { what: "A file or a folder is replaced by a link to the same content", attack: link, found: [true; 4] },
@@ -136,6 +146,11 @@ fn newest_away(records: &Path) {
     fs::write(records.join("COUNTER"), format!("{} {}\n", last[0], last[3])).expect("a counter");
 }
 
+/// All lines that stay are as they were.
+fn oldest_away(records: &Path) {
+    fs::remove_dir_all(records.join("2026-11-28")).expect("a day");
+}
+
 fn folders_swapped(records: &Path) {
     let day = records.join("2026-11-28");
     for (from, to) in [("T-1", "aside"), ("T-2", "T-1"), ("aside", "T-2")] {
@@ -185,13 +200,18 @@ fn renamed_day(records: &Path, anew: bool) {
     }
 }
 
-fn early(records: &Path, anew: bool) {
-    let name = "2026-11-20/T-2/092000-small";
-    let copied = copy(records, "2026-11-28/T-2/092000-small", name);
-    if !anew {
-        return;
-    }
-    replace(&copied, &[("2026-11-28", "2026-11-20")]);
+fn early(records: &Path) -> PathBuf {
+    copy(records, "2026-11-28/T-2/092000-small", "2026-11-20/T-2/092000-small")
+}
+
+/// As a version of the station that knew no chain would have left it.
+fn early_dated(records: &Path) {
+    replace(&early(records), &[("2026-11-28", "2026-11-20")]);
+    sums_anew(records).expect("digests");
+}
+
+fn early_chained(records: &Path) {
+    early_dated(records);
     let chain = fs::read_to_string(records.join("2026-11-28/CHAIN")).expect("a chain");
     let lines: String = (chain.lines().filter(|line| line.contains("T-2/092000-small")))
         .map(|line| format!("0{}\n", &line.replace("2026-11-28", "2026-11-20")[1..]))

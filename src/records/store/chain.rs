@@ -35,7 +35,7 @@ mod read;
 mod signed;
 mod times;
 
-pub(crate) use apart::{apart, last_number};
+pub(crate) use apart::{apart, last_line, last_number};
 #[cfg(test)]
 pub(crate) use append::append;
 pub(crate) use append::append_as;
@@ -44,11 +44,12 @@ pub(super) use before::{Before, unknown};
 pub(crate) use begin::begin;
 pub(crate) use begin::digest_of_first_line;
 pub use begin::place_of;
+pub(crate) use begin::was_moved;
 pub use check::{Against, ChainBook, ChainCheck, Head, verify, verify_against};
 pub(crate) use entry::Scribe;
 pub use entry::{LateClose, Place};
 pub use links::{ChainStanding, LateCloses, standing};
-pub(crate) use links::{DayLinks, of_day};
+pub(crate) use links::{DayLinks, OpenRun, of_day};
 pub(in crate::store) use mend::mend;
 pub(crate) use order::by_close;
 

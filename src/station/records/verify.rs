@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use gnc_records::store::PublicKey;
 use gnc_records::store::chain::{Against, ChainBook, ChainCheck, Head, LateCloses, Place, verify_against};
-use gnc_records::store::reader::{self, ReadError};
+use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::printable;
 
 use super::{RecordsArgs, no_such, resolve_in, store_refusal};
@@ -111,6 +111,11 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     for folder in &folders {
         let mut found = reader::check(folder);
         let place = gnc_text::shown_path(folder);
+        if let Some(what) = against_the_chain(folder, &found, &mut books) {
+            bad += 1;
+            out.say_of(&place.to_string(), printable(&what));
+            continue;
+        }
         if found.running {
             running += 1;
             out.say(format_args!("{place}: running: its record can be verified when the run has ended"));
@@ -139,7 +144,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             if all.is_none() && reader::is_sealed(folder) {
                 broke_off = book.broke_off(&run);
                 if broke_off.is_none() {
-                    found.problems.extend(book.of_run(&run, against.keys));
+                    found.problems.extend(book.of_run(&run, against));
                 }
             }
         }
@@ -211,6 +216,18 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         return Ok(refuse(format_args!("{running} of these runs go on"), "verify them when they have ended"));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What the chain says against a run that seems to go on, or never to have begun: it names the run as one that was closed, or that began
+/// with another journal. A run that a station writes now is looked at again, since it may have begun, or been closed, meanwhile.
+fn against_the_chain(run: &Path, found: &Verified, books: &mut Books) -> Option<String> {
+    if !found.running && !found.never_begun {
+        return None;
+    }
+    let mut look = || books.of(run).and_then(|(run, book)| book.unlike_an_open_run(&run));
+    look()?;
+    let again = reader::check(run);
+    (again.running || again.never_begun).then(look).flatten()
 }
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.

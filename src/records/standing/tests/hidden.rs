@@ -144,3 +144,97 @@ fn each_simulated_run_is_called_simulated() {
     let both = "functional passed 2026-11-28 14:20, simulated; then only cpu failed 2026-11-28 14:40, simulated";
     assert_eq!(words(&shelf, BenchKind::Simulated), both);
 }
+
+/// The first line of the journal of a run of SN-1.
+fn first_event(plan: &str, serial_number: &str) -> String {
+    let header = json!({ "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": "s",
+        "program": { "name": "p", "version": "1" }, "bench": { "kind": "real" },
+        "plan": plan_info(plan, DIGEST), "selection": null, "loop": null });
+    let event = json!({ "seq": 0, "at": LATER, "elapsed_us": 0, "kind": "run_started", "header": header, "items": [] });
+    format!("{event}\n")
+}
+
+/// A run that began, in the chain too, and whose station was killed.
+fn begun(shelf: &Shelf, plan: &str, ended: &str) -> PathBuf {
+    let run = shelf.open(plan, ended, |_| {});
+    fs::remove_file(run.join(RECORD)).expect("a record");
+    fs::write(run.join(JOURNAL), first_event(plan, "SN-1")).expect("a journal");
+    let by = chain::Scribe { station: "bench 1", at: time(ENDED), key: None, late: None };
+    chain::begin(&run, &by).expect("a chain");
+    run
+}
+
+/// A failed run on a day of its own goes with the folder of its module: the chain of that day still names it.
+#[test]
+fn a_failure_whose_module_folder_is_gone_is_a_doubt() {
+    let shelf = Shelf::new();
+    shelf.run("functional", ENDED);
+    let failed = shelf.run_with("functional", "2026-11-29T09:00:05+08:00", failed);
+    let ask = || shelf.ask("2026-11-29T10:00:00+08:00", PlanAsked::Named("functional"), BenchKind::Real);
+    assert!(!ask().passes_beyond_doubt(), "{}", ask());
+    let module = failed.parent().expect("a folder");
+    fs::rename(module, shelf.path().join("aside")).expect("a folder");
+    let said = "functional passed 2026-11-28 14:30; then functional 2026-11-29 09:00: record is missing";
+    assert!(!ask().passes_beyond_doubt(), "{}", ask());
+    assert_eq!(ask().to_string(), said);
+    // A link to the folder elsewhere is no folder.
+    std::os::unix::fs::symlink(shelf.path().join("aside"), module).expect("a link");
+    assert_eq!(ask().to_string(), said);
+    fs::remove_file(module).expect("a link");
+    // A later pass counts, and what was before it is no doubt.
+    shelf.run("functional", "2026-11-29T09:30:05+08:00");
+    assert!(ask().passes_beyond_doubt(), "{}", ask());
+}
+
+/// A station is killed at the first failure, and the run goes, alone or with the folder of its module, or is emptied, or gets the
+/// journal of another module.
+#[test]
+fn a_run_that_began_and_is_gone_is_a_doubt() {
+    let spoils: [fn(&Path); 5] = [
+        |_| {},
+        |run| fs::remove_dir_all(run).expect("a run"),
+        |run| fs::remove_dir_all(run.parent().expect("a folder")).expect("a module"),
+        |run| fs::write(run.join(JOURNAL), "").expect("a journal"),
+        |run| fs::write(run.join(JOURNAL), first_event("functional", "SN-2")).expect("a journal"),
+    ];
+    for (at, spoil) in spoils.into_iter().enumerate() {
+        for day in ["2026-11-28T14:40:05+08:00", "2026-11-29T09:00:05+08:00"] {
+            let shelf = Shelf::new();
+            shelf.run("functional", ENDED);
+            let ask = || shelf.ask("2026-11-29T10:00:00+08:00", PlanAsked::Named("functional"), BenchKind::Real);
+            let run = begun(&shelf, "functional", day);
+            if at == 2 && day.starts_with("2026-11-28") {
+                // The pass stands in the same folder.
+                continue;
+            }
+            spoil(&run);
+            assert!(!ask().passes_beyond_doubt(), "{at}, {day}: {}", ask());
+            assert!(ask().to_string().contains("; then functional 2026-11-2"), "{at}, {day}: {}", ask());
+        }
+    }
+}
+
+/// A run of which two lines say that it was closed has been written by hand, whichever of them is true; and the counter keeps the last
+/// line of all.
+#[test]
+fn a_line_that_was_written_by_hand_is_no_pass() {
+    let shelf = Shelf::new();
+    let run = shelf.run("functional", ENDED);
+    let by = chain::Scribe { station: "bench 1", at: time(ENDED), key: None, late: None };
+    let counter = shelf.path().join("COUNTER");
+    let counted = fs::read(&counter).expect("a counter");
+    let chain_file = shelf.path().join("2026-11-28/CHAIN");
+    let line = fs::read_to_string(&chain_file).expect("a chain");
+    chain::append_as(&run, &by).expect("a second line");
+    assert_eq!(shelf.standing_at(LATER).to_string(), "functional passed 2026-11-28 14:30: record was changed");
+    assert_eq!(chain::standing(&run).expect("readable"), chain::ChainStanding::Other);
+    // One line, made anew with all that it says, and the counter as it was.
+    fs::write(&chain_file, "").expect("a chain");
+    fs::remove_file(&counter).expect("a counter");
+    let later = chain::Scribe { station: "bench 2", ..by };
+    chain::append_as(&run, &later).expect("another line");
+    assert!(shelf.standing_at(LATER).passes(), "nothing tells the lines apart");
+    assert_ne!(fs::read_to_string(&chain_file).expect("a chain"), line);
+    fs::write(&counter, counted).expect("a counter");
+    assert_eq!(shelf.standing_at(LATER).to_string(), "functional passed 2026-11-28 14:30: record was changed");
+}

@@ -6,7 +6,7 @@ mod shelf;
 
 use std::fs;
 
-use super::Head;
+use super::{Against, ChainBook, Head};
 use forge::{CLOSE, Forge};
 use shelf::Shelf;
 
@@ -153,6 +153,33 @@ fn the_newest_run_is_cut_off() {
     });
 }
 
+#[test]
+fn the_oldest_day_is_removed() {
+    check("oldest_day", |shelf| shelf.remove("2026-11-21"));
+}
+
+/// The oldest run of a day goes with its lines, and the rest of the day stays.
+#[test]
+fn the_oldest_lines_are_removed() {
+    check("oldest_lines", |shelf| {
+        shelf.remove("2026-11-21/A");
+        Forge::read(shelf).without("2026-11-21/A/").write_as_they_are(shelf);
+    });
+}
+
+/// Old days are moved elsewhere, and number and link of their last line are kept.
+#[test]
+fn days_that_were_moved_have_a_witness() {
+    let shelf = Shelf::new();
+    let last = Forge::read(&shelf).keeping(|words| words[7].starts_with("2026-11-21/")).last();
+    let head = |text: &str| Head { kept: "--head".to_owned(), place: super::Place::parse(text).unwrap() };
+    shelf.remove("2026-11-21");
+    assert_eq!(shelf.found(true, &[&head(&last), &shelf.counter]), Vec::<String>::new());
+    let other = format!("4 {}", "0".repeat(64));
+    let found = shelf.found(true, &[&head(&other)]);
+    assert!(found.iter().any(|found| found.contains("nothing witnesses line 4 before it")), "{found:?}");
+}
+
 /// A station is killed at the first failure, and its run goes.
 #[test]
 fn a_run_that_began_is_removed() {
@@ -286,6 +313,52 @@ fn one_run_is_verified_with_its_lines() {
     Forge::read(&shelf).without("2026-11-21/B/").write(&shelf);
     let told = runs.map(|run| format!("{run}\n    {}\n", of(&shelf, run).join("\n    ")));
     insta::assert_snapshot!("one_run_of_a_chain_made_anew", told.concat());
+}
+
+/// A run is changed with its lines and their neighbours, and the chain is broken further on: a line that was kept elsewhere does
+/// not witness the run, though the line itself is as it was.
+#[test]
+fn a_witness_of_one_run_is_tied_to_it() {
+    let run = "2026-11-21/B/110000-functional";
+    let found = |shelf: &Shelf, head: &Head| {
+        let run = shelf.path().join(run);
+        let against = Against { keys: &[], heads: std::slice::from_ref(head) };
+        ChainBook::read(shelf.path()).unwrap().of_run(&run, &against)
+    };
+    let shelf = Shelf::new();
+    let early = Forge::read(&shelf).keeping(|words| words[0] == "2").last();
+    let early = Head { kept: "early".to_owned(), place: super::Place::parse(&early).unwrap() };
+    assert_eq!(found(&shelf, &shelf.counter), Vec::<String>::new());
+    shelf.change_journal(run);
+    shelf.make_digests(run);
+    Forge::read(&shelf).redigest(&shelf).write_first(&shelf, 5);
+    assert_eq!(
+        found(&shelf, &shelf.counter),
+        [format!("counter.txt does not witness run 3 ({run}): the chain is broken at line 6 between the two")]
+    );
+    // What was kept before the run says nothing of it.
+    assert_eq!(found(&shelf, &early), Vec::<String>::new());
+}
+
+/// A run that was closed, or began, and whose folder is emptied did not "never begin".
+#[test]
+fn an_emptied_run_is_not_one_that_never_began() {
+    let shelf = Shelf::new();
+    let closed = "2026-11-21/B/110000-functional";
+    let open = shelf.begin("2026-11-22T16:00:00+08:00", "A");
+    let of = |name: &str| ChainBook::read(shelf.path()).unwrap().unlike_an_open_run(&shelf.path().join(name));
+    assert_eq!(of(&open), None, "a run that goes on");
+    for name in [closed, &open] {
+        let run = shelf.path().join(name);
+        for entry in fs::read_dir(&run).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()) {
+            fs::remove_file(entry).unwrap();
+        }
+        fs::write(run.join("events.jsonl"), "").unwrap();
+        assert!(crate::store::reader::check(&run).never_begun);
+    }
+    assert_eq!(of(closed).unwrap(), format!("run 4 ({closed}) was closed, and its SHA256SUMS is missing"));
+    assert_eq!(of(&open).unwrap(), format!("run 9 ({open}): its journal does not begin as it did when the run began"));
+    assert_eq!(of("2026-11-22/A/170000-functional"), None);
 }
 
 /// Runs of a simulated bench have no key. They are told, and hide nothing: what was signed behind them keeps them in their place.

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::append::{Book, above};
 use super::entry::{ChainEntry, Kind, Place, Scribe};
+use super::links::OpenRun;
 use super::read::{DayChain, chain_of, name_in};
 use crate::store::begun::MAX_FIRST_EVENT_BYTES;
 use crate::store::{JOURNAL, StoreError, digest, on, reader};
@@ -45,6 +46,12 @@ pub fn place_of(run: &Path) -> Result<Option<Place>, StoreError> {
     let name = name_in(records, run);
     let began = chain.closes().find(|line| line.run == name).map_or(name.as_str(), ChainEntry::began_as);
     Ok(chain.lines.iter().find(|line| line.kind == Kind::Begin && line.run == began).map(ChainEntry::place))
+}
+
+/// Whether a run that began is among the runs of its day whose module was not the scanned one, where its station moves it.
+pub(crate) fn was_moved(records: &Path, day: &str, open: &OpenRun) -> bool {
+    let moved = reader::unassigned(records, day);
+    moved.iter().any(|moved| of_first_line(records, moved).is_ok_and(|digest| digest == open.digest))
 }
 
 /// Digest of the first line of a run's journal, with its end.

@@ -7,7 +7,7 @@ use super::append::lock;
 use super::entry::{ChainEntry, Place};
 use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
 use super::{COUNTER, NOTHING, matching, places, signed, times};
-use crate::store::{PublicKey, StoreError, goes_on, reader};
+use crate::store::{DIGESTS, PublicKey, StoreError, goes_on, reader};
 
 /// What the chain is compared with.
 #[derive(Debug, Clone, Copy, Default)]
@@ -87,6 +87,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     };
     checked.problems.extend(book.broken.iter().cloned());
     book.order(&mut checked.problems);
+    book.beginning(against, &mut checked.problems);
     matching::check(&book, &mut checked.problems);
     book.without_line(&closed, !against.keys.is_empty(), &mut checked);
     book.counter(&mut checked);
@@ -161,6 +162,18 @@ impl ChainBook {
         (has_begun && self.close_of(&name).is_none()).then(|| closing_broke_off(&name))
     }
 
+    /// What is wrong with a run without digests, by the lines that name it: it was closed, or its journal does not begin as it did.
+    /// `None`: no line speaks against it. A run that never began has no line, and one that goes on has that of its beginning.
+    #[must_use]
+    pub fn unlike_an_open_run(&self, run: &Path) -> Option<String> {
+        let name = name_in(&self.records, run);
+        if let Some(close) = self.close_of(&name) {
+            return Some(format!("run {} ({name}) was closed, and its {DIGESTS} is missing", close.number));
+        }
+        let began = self.lines.iter().find(|line| !line.is_close() && line.run == name)?;
+        matching::unlike_its_beginning(self, began)
+    }
+
     /// The line of a closed run.
     pub(super) fn close_of(&self, run: &str) -> Option<&ChainEntry> {
         self.lines.iter().find(|line| line.is_close() && line.run == run)
@@ -185,6 +198,21 @@ impl ChainBook {
                     before.number, before.run, after.number, after.run
                 ));
             }
+        }
+    }
+
+    /// Whether the lines before the first one, if there were any, are witnessed: their days were moved elsewhere, and not taken away.
+    /// Who asks with nothing learns from where on the chain is there.
+    fn beginning(&self, against: &Against<'_>, problems: &mut Vec<String>) {
+        let asks = !against.keys.is_empty() || !against.heads.is_empty();
+        let Some(first) = self.lines.first().filter(|first| asks && first.number > 1) else { return };
+        if !against.heads.iter().any(|head| is_before(first, &head.place)) {
+            problems.push(format!(
+                "the chain begins at line {} ({}), and nothing witnesses line {} before it: the oldest runs are missing; if they were moved elsewhere, give number and link of that line with --head",
+                first.number,
+                first.run,
+                first.number.saturating_sub(1)
+            ));
         }
     }
 
@@ -266,15 +294,13 @@ impl ChainBook {
         for Head { kept, place } in heads {
             let mut found = self.lines.iter().filter(|line| line.number == place.number);
             let number = place.number;
-            let is_before_first =
-                |line: &ChainEntry| line.number.checked_sub(1) == Some(number) && line.before == place.link;
             match found.next() {
                 Some(line) if line.link == place.link => {}
                 Some(_) => problems.push(format!(
                     "line {number} of the chain is not the one that {kept} witnesses: the chain was made anew"
                 )),
                 // The days up to this line were moved elsewhere, and the rest follows from it.
-                None if self.lines.first().is_some_and(is_before_first) => {}
+                None if self.lines.first().is_some_and(|first| is_before(first, place)) => {}
                 None if number > last => problems.push(format!(
                     "{kept} witnesses line {number}, but the chain ends at line {last}: the newest runs are missing"
                 )),
@@ -287,9 +313,9 @@ impl ChainBook {
     }
 
     /// What is wrong with the lines of one closed run: their links, their neighbours, their signatures, and what they say of the
-    /// folder. Of a folder without a chain nothing is said.
+    /// folder; and whether the chain leads from its lines to what was kept elsewhere. Of a folder without a chain nothing is said.
     #[must_use]
-    pub fn of_run(&self, run: &Path, keys: &[PublicKey]) -> Vec<String> {
+    pub fn of_run(&self, run: &Path, against: &Against<'_>) -> Vec<String> {
         let mut problems = Vec::new();
         if self.is_empty() {
             return problems;
@@ -324,8 +350,32 @@ impl ChainBook {
                 problems.push(format!("run {} ({}): the chain is broken beside its line", line.number, line.run));
             }
         }
-        signed::check_lines(self, &own, keys, &mut problems);
+        if let Some(line) = own.first() {
+            problems.extend(against.heads.iter().filter_map(|head| self.gap(line, head, &by_number)));
+        }
+        signed::check_lines(self, &own, against.keys, &mut problems);
         problems
+    }
+
+    /// Where the lines from one to what was kept elsewhere do not follow from one another, so that it witnesses nothing of that one.
+    /// A line that is missing, or another than was kept, is said by [`Self::unlike`].
+    fn gap(&self, from: &ChainEntry, head: &Head, by_number: &HashMap<u64, &ChainEntry>) -> Option<String> {
+        let Head { kept, place } = head;
+        by_number.get(&place.number)?;
+        let between = self.lines.iter().filter(|line| (from.number..=place.number).contains(&line.number));
+        let mut before: Option<&ChainEntry> = None;
+        for line in between {
+            let follows = before
+                .is_none_or(|before| Some(line.number) == before.number.checked_add(1) && line.before == before.link);
+            if !line.is_true() || !follows {
+                return Some(format!(
+                    "{kept} does not witness run {} ({}): the chain is broken at line {} between the two",
+                    from.number, from.run, line.number
+                ));
+            }
+            before = Some(line);
+        }
+        None
     }
 
     /// Why a closed run has no signature, if that is no change.
@@ -339,6 +389,11 @@ fn closing_broke_off(name: &str) -> String {
     format!(
         "{name} is not in the chain: its station ended, or could not write, while it closed the run; the next start goes on"
     )
+}
+
+/// Whether a line says that it follows the one at this place.
+fn is_before(line: &ChainEntry, place: &Place) -> bool {
+    line.number.checked_sub(1) == Some(place.number) && line.before == place.link
 }
 
 /// Whether the counter is empty, or holds zeros alone.

@@ -8,9 +8,22 @@ use super::read::{chain_of, chains, counter, name_in};
 use super::{CHAIN, COUNTER};
 use crate::store::{DIGESTS, StoreError, digest, goes_on, on};
 
-/// The closed runs of a day, to look them up.
+/// The runs of a day, to look them up.
 #[derive(Debug, Default)]
-pub(crate) struct DayLinks(HashMap<String, RunLink>);
+pub(crate) struct DayLinks {
+    closed: HashMap<String, RunLink>,
+    /// Those that began and were not closed.
+    open: HashMap<String, OpenRun>,
+}
+
+/// What the chain says of a run that began and was not closed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct OpenRun {
+    /// Number of the line.
+    pub(crate) number: u64,
+    /// Digest of the first line of its journal.
+    pub(crate) digest: String,
+}
 
 /// What the chain says of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -19,7 +32,8 @@ pub(crate) struct RunLink {
     pub(crate) number: u64,
     /// Digest of its list of digests.
     pub(crate) digest: String,
-    /// Whether its line is as it was written, and the next line of the day follows from it.
+    /// Whether it has one line that is as it was written, the next line of the day follows from it, and the counter, if it stands there,
+    /// remembers it.
     pub(crate) is_sound: bool,
     /// When and by what the run was closed late, if it was.
     pub(crate) late: Option<LateClose>,
@@ -28,13 +42,24 @@ pub(crate) struct RunLink {
 impl DayLinks {
     /// A run by its name in the chain.
     pub(crate) fn find(&self, run: &str) -> Option<&RunLink> {
-        self.0.get(run)
+        self.closed.get(run)
+    }
+
+    /// A run that began and was not closed, by the name under which it began.
+    pub(crate) fn find_open(&self, run: &str) -> Option<&OpenRun> {
+        self.open.get(run)
     }
 
     /// Number and name of the closed runs in the folder of a module.
     pub(crate) fn of_module<'a>(&'a self, folder: &'a str) -> impl Iterator<Item = (u64, &'a str)> {
-        let runs = self.0.iter().filter(move |(run, _)| run.split('/').nth(1) == Some(folder));
+        let runs = self.closed.iter().filter(move |(run, _)| run.split('/').nth(1) == Some(folder));
         runs.map(|(run, link)| (link.number, run.as_str()))
+    }
+
+    /// The runs of a module that began and were not closed.
+    pub(crate) fn open_of_module<'a>(&'a self, folder: &'a str) -> impl Iterator<Item = (&'a str, &'a OpenRun)> {
+        let runs = self.open.iter().filter(move |(run, _)| run.split('/').nth(1) == Some(folder));
+        runs.map(|(run, open)| (run.as_str(), open))
     }
 }
 
@@ -48,13 +73,30 @@ pub(crate) fn of_day(records: &Path, day: &str) -> Result<DayLinks, StoreError> 
         (Some(line), Some(next)) => next.number > line.number,
         _ => true,
     };
-    let sound: Vec<bool> = (0..chain.lines.len()).map(|at| chain.lines[at].is_true() && follows(at)).collect();
-    let closes = chain.lines.into_iter().zip(sound).filter(|(line, _)| line.is_close());
-    let links = closes.map(|(line, is_sound)| {
+    // A counter that cannot be read says nothing; `verify` names it.
+    let counted = counter(records).ok().flatten();
+    let is_counted = |line: &ChainEntry| {
+        counted.as_ref().is_none_or(|counted| counted.number != line.number || counted.link == line.link)
+    };
+    let is_sound = |at: usize, line: &ChainEntry| line.is_true() && follows(at) && is_counted(line);
+    let sound: Vec<bool> = chain.lines.iter().enumerate().map(|(at, line)| is_sound(at, line)).collect();
+    let (closes, begins): (Vec<_>, Vec<_>) = chain.lines.into_iter().zip(sound).partition(|(line, _)| line.is_close());
+    let mut links = DayLinks::default();
+    let open = begins.into_iter().map(|(line, _)| (line.run, OpenRun { number: line.number, digest: line.digest }));
+    links.open = open.collect();
+    for (line, is_sound) in closes {
+        links.open.remove(line.began_as());
         let ChainEntry { number, digest, run, late, .. } = line;
-        (run, RunLink { number, digest, is_sound, late })
-    });
-    Ok(DayLinks(links.collect()))
+        let link = RunLink { number, digest, is_sound, late };
+        if let Some(earlier) = links.closed.insert(run.clone(), link)
+            && let Some(link) = links.closed.get_mut(&run)
+        {
+            // Each run is closed once, so one of the two was written by hand.
+            link.is_sound = false;
+            link.late = link.late.take().or(earlier.late);
+        }
+    }
+    Ok(links)
 }
 
 /// What the chain says of one closed run.
@@ -86,16 +128,19 @@ pub fn standing(run: &Path) -> Result<ChainStanding, StoreError> {
     }
     let name = name_in(records, run);
     let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.lines).collect();
-    let Some(link) = links.iter().find(|link| link.is_close() && link.run == name) else {
+    let mut closes = links.iter().filter(|link| link.is_close() && link.run == name);
+    let Some(link) = closes.next() else {
         return Ok(ChainStanding::Missing);
     };
+    // Each run is closed once, so one of two lines was written by hand.
+    let is_alone = closes.next().is_none();
     // A line that was written anew with all that it says does not fit the next line, or the counter.
     let follows = match links.iter().find(|next| Some(next.number) == link.number.checked_add(1)) {
         Some(next) => next.before == link.link,
         None => counter(records)?.is_none_or(|last| last.number != link.number || last.link == link.link),
     };
     let is_same = digest::of_file(&run.join(DIGESTS))? == link.digest;
-    let is_held = is_same && link.is_true() && follows;
+    let is_held = is_same && is_alone && link.is_true() && follows;
     Ok(match (is_held, &link.late) {
         (true, Some(_)) => ChainStanding::Late,
         (true, None) => ChainStanding::Held,
@@ -125,7 +170,7 @@ impl LateCloses {
     /// The chain of its day cannot be read.
     pub fn lacks(&mut self, run: &Path) -> Result<bool, StoreError> {
         let is_known = self.link(run)?.is_some();
-        let has_chain = self.day.as_ref().is_some_and(|(_, links)| !links.0.is_empty());
+        let has_chain = self.day.as_ref().is_some_and(|(_, links)| !links.closed.is_empty());
         Ok(!is_known && has_chain && !goes_on(run))
     }
 

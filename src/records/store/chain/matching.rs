@@ -104,6 +104,11 @@ fn is_same(book: &ChainBook, begin: &ChainEntry, run: &str) -> bool {
     begin::of_first_line(&book.records, &book.records.join(run)).is_ok_and(|digest| digest == begin.digest)
 }
 
+/// What to say of a folder whose journal does not begin as the line says.
+pub(super) fn unlike_its_beginning(book: &ChainBook, line: &ChainEntry) -> Option<String> {
+    (!is_same(book, line, &line.run)).then(|| not_as_it_began(line.number, &line.run))
+}
+
 /// Compares the line of a run that is not closed with its folder. The run goes on, or its station ended.
 fn open_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>) {
     let (number, run) = (line.number, &line.run);

@@ -30,6 +30,12 @@ impl Forge {
         Self(lines)
     }
 
+    /// Number and link of the last line.
+    pub(super) fn last(&self) -> String {
+        let words = self.0.last().unwrap();
+        format!("{} {}", words[0], words[3])
+    }
+
     pub(super) fn keeping(mut self, keep: impl Fn(&[String]) -> bool) -> Self {
         self.0.retain(|words| keep(words));
         self
@@ -91,8 +97,21 @@ impl Forge {
 
     /// Numbers and links made anew, and the counter; old signatures stay beside new links.
     pub(super) fn write(mut self, shelf: &Shelf) {
+        let before = self.link(self.0.len());
+        fs::write(shelf.path().join("COUNTER"), format!("{} {before}\n", self.0.len())).unwrap();
+        self.write_as_they_are(shelf);
+    }
+
+    /// Links of so many first lines made anew; the others and the counter stay.
+    pub(super) fn write_first(mut self, shelf: &Shelf, lines: usize) {
+        self.link(lines);
+        self.write_as_they_are(shelf);
+    }
+
+    /// Numbers and links of so many lines made anew. Returns the last link.
+    fn link(&mut self, lines: usize) -> String {
         let mut before = "0".repeat(64);
-        for (index, words) in self.0.iter_mut().enumerate() {
+        for (index, words) in self.0.iter_mut().take(lines).enumerate() {
             words[0] = (index + 1).to_string();
             words[1] = before;
             let end = words.iter().position(|word| word == "sig").unwrap_or(words.len());
@@ -100,8 +119,7 @@ impl Forge {
             words[3] = sha256(covered.as_bytes());
             before = words[3].clone();
         }
-        fs::write(shelf.path().join("COUNTER"), format!("{} {before}\n", self.0.len())).unwrap();
-        self.write_as_they_are(shelf);
+        before
     }
 
     pub(super) fn write_as_they_are(self, shelf: &Shelf) {

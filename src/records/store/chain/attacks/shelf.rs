@@ -148,8 +148,14 @@ impl Shelf {
     pub(super) fn found_of(&self, run: &str) -> Vec<String> {
         let run = self.path().join(run);
         let mut found = reader::check(&run).problems;
-        found.extend(ChainBook::read(self.path()).unwrap().of_run(&run, std::slice::from_ref(&self.public)));
+        found.extend(self.of_lines(&run, &[]));
         found
+    }
+
+    /// What is found of the lines of one run, with the key and what was kept elsewhere.
+    pub(super) fn of_lines(&self, run: &Path, heads: &[Head]) -> Vec<String> {
+        let against = Against { keys: std::slice::from_ref(&self.public), heads };
+        ChainBook::read(self.path()).unwrap().of_run(run, &against)
     }
 
     pub(super) fn notes(&self) -> Vec<String> {
