@@ -348,7 +348,7 @@ impl Ready {
             plans,
             clock_is_right,
         } = equipment;
-        plans.check(&request.plan.plan().name, request.plan.sha256())?;
+        plans.check(request.plan.plan(), request.plan.sha256())?;
         for (of, pattern) in [("bench", &serial_number), ("plan", &request.plan.plan().serial_number)] {
             if let Some(pattern) = pattern.as_ref().filter(|pattern| !pattern.fits(&request.serial_number)) {
                 let (serial_number, pattern) = (request.serial_number.clone(), pattern.to_string());
