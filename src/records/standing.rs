@@ -451,8 +451,16 @@ impl<'a> Seals<'a> {
         let Some(link) = self.day(&day)?.find(&name) else { return Ok(Seal::Flawed(Flaw::NotInChain)) };
         let sums = digest::of_file(&run.join(DIGESTS));
         let as_closed = link.is_sound && sums.is_ok_and(|sums| sums == link.digest) && {
-            let promised = FileDigests::read(run).ok().and_then(|(sums, _)| sums.get(RECORD).map(str::to_owned));
-            promised.is_some() && digest::of_file(&run.join(RECORD)).ok() == promised
+            let promised = FileDigests::read(run).map(|(sums, _)| sums).unwrap_or_default();
+            let is_as_promised = |file: &str| {
+                let found = || digest::of_file(&run.join(file)).ok();
+                match promised.get(file) {
+                    Some(promised) => found().as_deref() == Some(promised),
+                    None => file != RECORD && run.join(file).symlink_metadata().is_err(),
+                }
+            };
+            // A list shows what the journal says, and the standing what the record does.
+            [RECORD, JOURNAL].into_iter().all(is_as_promised)
         };
         Ok(match (as_closed, &link.late) {
             (false, _) => Seal::Flawed(Flaw::Changed),

@@ -117,6 +117,24 @@ fn check(change: impl Fn(&mut Value), spoil: impl Fn(&Path, &Path), words: &str)
 
 fn nothing(_: &Path, _: &Path) {}
 
+/// A list shows what the journal says, so a word that is changed there counts like one in the record.
+#[test]
+fn a_journal_that_was_edited_or_added_is_a_change() {
+    let shelf = Shelf::new();
+    let run = shelf.open("functional", ENDED, |_| {});
+    fs::write(run.join(JOURNAL), "failed\n").expect("a journal");
+    close(&run);
+    let seal = || Seals::new(shelf.path()).seal(&run).expect("a chain");
+    assert_eq!(seal(), Seal::Chained);
+    fs::write(run.join(JOURNAL), "passed\n").expect("a journal");
+    assert_eq!(seal(), Seal::Flawed(Flaw::Changed));
+    fs::write(run.join(JOURNAL), "failed\n").expect("a journal");
+    assert_eq!(seal(), Seal::Chained);
+    let other = shelf.run("functional", "2026-11-28T14:40:05+08:00");
+    fs::write(other.join(JOURNAL), "passed\n").expect("a journal");
+    assert_eq!(Seals::new(shelf.path()).seal(&other).expect("a chain"), Seal::Flawed(Flaw::Changed));
+}
+
 #[test]
 fn a_whole_run_on_a_real_bench_counts() {
     let shelf = Shelf::new();

@@ -5,7 +5,6 @@
 //! Only the next start of the same station does so, and only for a run that a power cut can have left. A run that the
 //! chain names, that another station wrote, or whose files contradict its journal stays as it is.
 
-use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -51,7 +50,7 @@ pub(super) fn close(
 /// Closes a run. `None`: the run goes on, is of another station, or its files are not what its journal says.
 fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -> Result<Option<Closed>, StoreError> {
     let path = run.join(JOURNAL);
-    let Ok(_held) = closing::hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(None) };
+    let Ok(_held) = closing::hold(on(gnc_files::own(&path), "read", &path)?, &path) else { return Ok(None) };
     // Another station may have closed it meanwhile.
     if chain::unknown(records, vec![run.to_owned()])?.is_empty() {
         return Ok(None);

@@ -194,7 +194,7 @@ enum Left<T> {
 /// here: it may have been inserted later.
 fn put_into_chain(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<Left<()>, StoreError> {
     let path = run.join(JOURNAL);
-    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
+    let Ok(_held) = hold(on(gnc_files::own(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
     let Some(state) = reader::fold(run).ok().filter(|state| state.header().is_some()) else { return Ok(Left::Alone) };
     if !state.is_interrupted() {
         return Ok(Left::Ended);
@@ -222,7 +222,7 @@ fn put_into_chain(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) 
 /// Seals a run without an end.
 fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<Left<String>, StoreError> {
     let path = run.join(JOURNAL);
-    let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
+    let Ok(_held) = hold(on(gnc_files::own(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
     // Another station may have sealed it meanwhile.
     let Some(state) = reader::fold(run).ok().filter(|_| !run.join(DIGESTS).exists()) else { return Ok(Left::Alone) };
     let Some(record) = RunRecord::from_state(&state) else { return Ok(Left::Alone) };

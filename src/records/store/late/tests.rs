@@ -283,7 +283,7 @@ fn a_run_that_its_station_closes_now_is_left_to_it() {
     let shelf = Shelf::new();
     shelf.closed("SN-0", "10:00:00");
     let run = shelf.ended("SN-1", STATION, "14:30:00");
-    let held = closing::hold(File::open(run.join(JOURNAL)).unwrap(), &run).unwrap();
+    let held = closing::hold(fs::File::open(run.join(JOURNAL)).unwrap(), &run).unwrap();
     assert_eq!(shelf.start(), Vec::<String>::new());
     assert_eq!(shelf.seal(&run), Seal::Flawed(Flaw::UnderWay));
     drop(held);
