@@ -44,7 +44,7 @@ fn serial_numbers_from_a_scanner() {
 /// number as scanned.
 #[test]
 fn a_serial_number_is_never_a_path() {
-    for serial_number in ["../../x", "/etc/passwd", "..", ".hidden", "a/b\\c", "名 é", "-rf"] {
+    for serial_number in ["../../x", "/etc/passwd", "..", ".hidden", "a/b\\c", "-rf"] {
         let place = Place::new(STATION);
         let plan = functional_plan();
         let serial = format!("--serial-number={serial_number}");

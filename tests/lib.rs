@@ -4,6 +4,7 @@
 
 mod board;
 pub mod campaign;
+pub mod older;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -224,6 +224,7 @@ fn older_records_are_looked_at_too() {
         );
     }
     fs::copy(&other, &file).expect("room");
+    older::rechain(&place.path().join("records"));
     let again = place.run(["recompute", folder.to_str().expect("UTF-8")]);
     assert_eq!(again.code, Some(1), "{}{}", again.stdout, again.stderr);
     assert!(again.stdout.contains("was passed, is errored") && again.stdout.contains("995.0"), "{}", again.stdout);

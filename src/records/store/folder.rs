@@ -114,6 +114,11 @@ impl RunFolder {
     fn fresh(parent: &Path, name: &str) -> Result<Self, StoreError> {
         for number in 1..=MAX_SAME_SECOND {
             let path = parent.join(if number == 1 { name.to_owned() } else { format!("{name}-{number}") });
+            // A run whose module was another one began under this name and was moved: the chain knows the name as begun.
+            let moved = parent.with_file_name(UNASSIGNED).join(path.file_name().unwrap_or_default());
+            if moved != path && moved.symlink_metadata().is_ok() {
+                continue;
+            }
             match DirBuilder::new().create(&path) {
                 Ok(()) => {
                     let held = File::open(&path).ok();
