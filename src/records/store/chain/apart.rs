@@ -15,12 +15,21 @@ const LAST_BYTES: i64 = 8192;
 /// Number of the run that was closed last in the folder of a day, read from the end of its chain; `None` without a chain, and
 /// if it cannot be read.
 pub(crate) fn last_number(records: &Path, day: &str) -> Option<u64> {
+    last_where(records, day, ChainEntry::is_close)
+}
+
+/// Number of the last line in the folder of a day, as [`last_number`].
+pub(super) fn last_of_lines(records: &Path, day: &str) -> Option<u64> {
+    last_where(records, day, |_| true)
+}
+
+fn last_where(records: &Path, day: &str, is_meant: impl Fn(&ChainEntry) -> bool) -> Option<u64> {
     let end = end_of(records, &Path::new(day).join(CHAIN)).ok()?;
     let lines = String::from_utf8_lossy(&end);
     let whole = lines.split_inclusive('\n').filter_map(|line| line.strip_suffix('\n'));
-    let at_end = whole.filter_map(ChainEntry::parse).filter(ChainEntry::is_close).map(|link| link.number).max();
+    let at_end = whole.filter_map(ChainEntry::parse).filter(&is_meant).map(|link| link.number).max();
     // A power cut may have left anything at the end.
-    at_end.or_else(|| chain_of(records, day).ok()??.closes().map(|link| link.number).max())
+    at_end.or_else(|| chain_of(records, day).ok()??.lines.into_iter().filter(is_meant).map(|link| link.number).max())
 }
 
 fn end_of(records: &Path, chain: &Path) -> io::Result<Vec<u8>> {
