@@ -270,7 +270,7 @@ pub(super) fn may_close(
                 .to_owned())
         }
         Beginning::Written(begun) => match begun.signed_by(by.key) {
-            SignedBy::This => Ok(Some(begun)),
+            SignedBy::This => Ok(Some(*begun)),
             SignedBy::Other => {
                 Err(format!("is left to the station {station} with the key that signed the line of its beginning"))
             }

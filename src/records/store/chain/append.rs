@@ -99,13 +99,13 @@ impl<'a> Book<'a> {
             _ => Ok(()),
         });
         // The reported error is that of the line.
-        written.map_err(|error| taken_back(error, file.set_len(whole).and_then(|()| file.sync_all())))?;
+        written.map_err(|error| taken_back(error, &file.set_len(whole).and_then(|()| file.sync_all())))?;
         Ok(line.place())
     }
 }
 
 /// The error of a line that could not be written, and was taken back or not.
-pub(super) fn taken_back(error: StoreError, taken: io::Result<()>) -> StoreError {
+pub(super) fn taken_back(error: StoreError, taken: &io::Result<()>) -> StoreError {
     if taken.is_ok() { error } else { StoreError::MayStand(Box::new(error)) }
 }
 

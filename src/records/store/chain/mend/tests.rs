@@ -141,10 +141,10 @@ fn a_line_that_was_cut_in_its_signature_is_half_a_line() {
 #[test]
 fn a_line_that_cannot_be_taken_back_is_named() {
     let error = || on::<()>(Err(std::io::ErrorKind::StorageFull.into()), "write", Path::new("CHAIN")).unwrap_err();
-    let stands = crate::store::chain::append::taken_back(error(), Err(std::io::ErrorKind::Other.into()));
+    let stands = crate::store::chain::append::taken_back(error(), &Err(std::io::ErrorKind::Other.into()));
     assert!(gnc_text::with_causes(&stands).starts_with("its line may stand in the chain: cannot write CHAIN"));
     assert_eq!(stands.try_this(), error().try_this());
-    let back = crate::store::chain::append::taken_back(error(), Ok(()));
+    let back = crate::store::chain::append::taken_back(error(), &Ok(()));
     assert!(matches!(back, StoreError::File { .. }));
 }
 
