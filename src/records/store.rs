@@ -68,6 +68,9 @@ pub enum StoreError {
         /// The cause.
         source: io::Error,
     },
+    /// The line of a run in the chain could not be written, and not be taken back either.
+    #[error("its line may stand in the chain")]
+    MayStand(#[source] Box<StoreError>),
     /// An event could not be turned into text: a mistake in this program.
     #[error("an event cannot be written as JSON")]
     Json(#[from] serde_json::Error),
@@ -89,8 +92,10 @@ impl StoreError {
     /// What the operator can try.
     #[must_use]
     pub fn try_this(&self) -> &'static str {
-        let Self::File { source, .. } = self else {
-            return "look at the first error of the record; if there is none, report this";
+        let source = match self {
+            Self::File { source, .. } => source,
+            Self::MayStand(error) => return error.try_this(),
+            _ => return "look at the first error of the record; if there is none, report this",
         };
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "make room on the disk and run again",

@@ -5,6 +5,7 @@
 //! Only the next start of the same station does so, and only for a run that a power cut can have left. A run that the
 //! chain names, that another station wrote, or whose files contradict its journal stays as it is.
 
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -13,9 +14,17 @@ use gnc_executive::state::RunState;
 
 use super::chain::{self, Before, LateClose, Scribe};
 use super::closing;
+use super::folder::sync_dir;
 use super::reader::MAX_RECORD_BYTES;
 use super::recovery::{Sealer, Until, may_close, unlike_signature};
-use super::{DIGESTS, ITEM, JOURNAL, RECORD, RunFolder, StoreError, cut_off, item_folder, on, reader};
+use super::{
+    DIGESTS, ITEM, JOURNAL, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, cut_off, item_folder, on, reader,
+};
+
+/// The digests that a run had before it was closed late.
+const DIGESTS_BEFORE: &str = "SHA256SUMS.before";
+/// Their signature.
+const SIGNATURE_BEFORE: &str = "SHA256SUMS.before.sig";
 
 /// What a start does about a run that ended.
 pub(super) enum Closed {
@@ -73,10 +82,11 @@ fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -
             return Ok(Some(Closed::Open(why)));
         }
         // The papers say that the run was closed in time. All but the journal and the samples is made again.
-        closing::remove(&digests)?;
+        set_aside(run)?;
     } else if contradicts(run, &record)? {
         return Ok(None);
     }
+    set_signature_aside(run, sealer.key)?;
     closing::clear_away(run)?;
     let folder = RunFolder::existing(run).signed_with(sealer.key.cloned());
     complete_items(&folder, &state)?;
@@ -89,6 +99,29 @@ fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -
         "ended{ended}, and its station ended before the run was in the chain; it is closed late now and never counts as a pass; \
          test {serial_number} again"
     ))))
+}
+
+/// Keeps the digests that a run had, which the new ones cover then: they prove what the run was when its station ended. Those
+/// of an earlier late closing prove less than the first, and go.
+fn set_aside(run: &Path) -> Result<(), StoreError> {
+    let (digests, kept) = (run.join(DIGESTS), run.join(DIGESTS_BEFORE));
+    if kept.symlink_metadata().is_ok() {
+        return closing::remove(&digests);
+    }
+    on(fs::rename(&digests, &kept), "move", &digests)?;
+    sync_dir(run)
+}
+
+/// Keeps the signature of digests that were set aside, if it is theirs: a later one may be of digests that a kill prevented.
+fn set_signature_aside(run: &Path, key: Option<&StationKey>) -> Result<(), StoreError> {
+    let (signature, kept) = (run.join(SIGNATURE), run.join(SIGNATURE_BEFORE));
+    let read = |name: &str| gnc_files::read_below(run, Path::new(name), MAX_RECORD_BYTES);
+    let (Ok(digests), Ok(signed), Some(key)) = (read(DIGESTS_BEFORE), read(SIGNATURE), key) else { return Ok(()) };
+    if kept.symlink_metadata().is_ok() || !key.public().signed(&digests, &signed) {
+        return Ok(());
+    }
+    on(fs::rename(&signature, &kept), "move", &signature)?;
+    sync_dir(run)
 }
 
 /// Whether the record for programs is whole and says something else than the journal: no power cut does that.

@@ -330,8 +330,9 @@ impl JournalFile {
         match chain::begin(self.folder.path(), &by) {
             Ok(place) => self.began = Some(place),
             Err(error) => {
-                // What the chain does not have has not begun. If the disk refuses this too, the next start seals the run.
-                if self.journal.set_len(0).is_ok() {
+                // What the chain does not have has not begun. If it may have it, or the disk refuses this too, the next start
+                // seals the run.
+                if !matches!(error, StoreError::MayStand(_)) && self.journal.set_len(0).is_ok() {
                     self.folder.withdraw();
                 }
                 return Err(error);

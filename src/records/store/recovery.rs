@@ -113,7 +113,17 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     };
     let mut until = Until::new(time);
     let mut ended = Vec::new();
-    for run in unknown {
+    // Those without an end come first: of sealed ones without a line there may be many, from before the chain.
+    for run in open.into_iter().filter(|_| until.has_time()) {
+        match seal(records, &run, &before, sealer) {
+            Ok(Left::Sealed(what)) => lines.push(format!("{} {what}", name(&run))),
+            Ok(Left::Ended) => ended.push(run),
+            Ok(Left::Open(why)) => lines.push(format!("{} was interrupted and {why}", name(&run))),
+            Ok(Left::Alone) => {}
+            Err(error) => lines.push(format!("{} was interrupted and {}", name(&run), cannot(&error))),
+        }
+    }
+    for run in unknown.into_iter().filter(|_| until.has_time()) {
         match put_into_chain(records, &run, &before, sealer) {
             Ok(Left::Sealed(())) => lines.push(format!(
                 "{} was interrupted while the station sealed it; the sealing is complete now",
@@ -131,15 +141,6 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
                     cannot(&error)
                 ));
             }
-        }
-    }
-    for run in open.into_iter().filter(|_| until.has_time()) {
-        match seal(records, &run, &before, sealer) {
-            Ok(Left::Sealed(what)) => lines.push(format!("{} {what}", name(&run))),
-            Ok(Left::Ended) => ended.push(run),
-            Ok(Left::Open(why)) => lines.push(format!("{} was interrupted and {why}", name(&run))),
-            Ok(Left::Alone) => {}
-            Err(error) => lines.push(format!("{} was interrupted and {}", name(&run), cannot(&error))),
         }
     }
     let others = sealed_before + ended.iter().filter(|run| !reader::is_sealed(run)).count();
@@ -166,8 +167,8 @@ fn take_away(records: &Path, run: &Path) -> Option<String> {
     let of_run = run.file_name().is_some_and(|name| folder::is_name_of_run(&name.to_string_lossy()));
     let _held =
         File::open(run).ok().filter(|_| of_run).map(|dir| Flock::lock(dir, FlockArg::LockExclusiveNonblock))?.ok()?;
-    // A run that the chain has begun, and that lost its journal, is not taken away.
-    if !was_never_begun(run) || !chain::place_of(run).is_ok_and(|begun| begun.is_none()) {
+    // A run that the chain names, and that lost its journal, is not taken away.
+    if !was_never_begun(run) || !chain::is_named(run).is_ok_and(|is_named| !is_named) {
         return None;
     }
     if let Err(error) = fs::remove_dir_all(run) {
@@ -269,7 +270,7 @@ pub(super) fn may_close(
                 .to_owned())
         }
         Beginning::Written(begun) => match begun.signed_by(by.key) {
-            SignedBy::This => Ok(Some(begun)),
+            SignedBy::This => Ok(Some(*begun)),
             SignedBy::Other => {
                 Err(format!("is left to the station {station} with the key that signed the line of its beginning"))
             }

@@ -6,7 +6,7 @@
 //! start mends it. So no error can leave a run that one face calls closed and another one not.
 
 use std::fs::File;
-use std::io::{self, Read as _, Write as _};
+use std::io::{self, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -15,8 +15,8 @@ use nix::errno::Errno;
 use nix::fcntl::{Flock, FlockArg};
 
 use super::entry::{ChainEntry, Kind, Place, Scribe};
-use super::read::{MAX_CHAIN_BYTES, chain_of, chains, counter, name_in};
-use super::{CHAIN, COUNTER, NOTHING, begin};
+use super::read::{chain_of, chains, counter, name_in};
+use super::{CHAIN, COUNTER, NOTHING, begin, tail};
 use crate::store::folder::sync_dir;
 use crate::store::{DIGESTS, StoreError, digest, on, reader};
 
@@ -81,15 +81,16 @@ impl<'a> Book<'a> {
         Ok(Self { records, _lock: lock(records)? })
     }
 
-    /// Writes the next line into the chain of a day. Behind an error the chain is as it was before.
+    /// Writes the next line into the chain of a day. Behind an error the chain is as it was before, but for
+    /// [`StoreError::MayStand`].
     pub(super) fn write(self, day: &Path, line: impl FnOnce(&Place) -> ChainEntry) -> Result<Place, StoreError> {
+        tail::mend(self.records, &name_in(self.records, day))?;
         let before = last(self.records)?;
         let path = day.join(CHAIN);
         on(is_not_the_last(before.number), "write", &path)?;
         let line = line(&before);
         let mut file = on(gnc_files::append(&path), "write", &path)?;
-        let whole = on(whole_lines(&mut file), "read", &path)?;
-        on(file.set_len(whole), "write", &path)?;
+        let whole = on(file.metadata(), "read", &path)?.len();
         let written = on(file.write_all(line.line().as_bytes()).and_then(|()| file.sync_all()), "write", &path);
         let written = written.and_then(|()| sync_dir(day)).and_then(|()| match count(self.records, &line.place()) {
             // Nothing has power yet: a run begins only where it can be counted.
@@ -97,30 +98,21 @@ impl<'a> Book<'a> {
             // The line has closed the run. A counter that is behind is named by each check and mended by the next start.
             _ => Ok(()),
         });
-        if written.is_err() {
-            // The reported error is that of the line. If this fails too, the run has no seal, so it is not closed.
-            let _ = file.set_len(whole).and_then(|()| file.sync_all());
-        }
-        written?;
+        // The reported error is that of the line.
+        written.map_err(|error| taken_back(error, &file.set_len(whole).and_then(|()| file.sync_all())))?;
         Ok(line.place())
     }
+}
+
+/// The error of a line that could not be written, and was taken back or not.
+pub(super) fn taken_back(error: StoreError, taken: &io::Result<()>) -> StoreError {
+    if taken.is_ok() { error } else { StoreError::MayStand(Box::new(error)) }
 }
 
 /// Numbers go on for ever, but not in a file that was changed.
 fn is_not_the_last(number: u64) -> io::Result<()> {
     let why = "the chain or COUNTER says the highest number that there is, so it was changed";
     if number < u64::MAX { Ok(()) } else { Err(io::Error::new(io::ErrorKind::InvalidData, why)) }
-}
-
-/// Bytes of a chain up to the end of its last whole line. A power cut or a full disk may leave half a line, which would
-/// swallow the next one.
-pub(super) fn whole_lines(chain: &mut File) -> io::Result<u64> {
-    let mut text = Vec::new();
-    chain.take(MAX_CHAIN_BYTES + 1).read_to_end(&mut text)?;
-    if text.len() as u64 > MAX_CHAIN_BYTES {
-        return Err(gnc_files::Refused::TooLong { limit: MAX_CHAIN_BYTES }.into());
-    }
-    Ok(text.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last as u64 + 1))
 }
 
 /// Takes the lock of the whole folder: only one station at a time.

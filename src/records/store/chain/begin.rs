@@ -54,6 +54,18 @@ pub(crate) fn was_moved(records: &Path, day: &str, open: &OpenRun) -> bool {
     moved.iter().any(|moved| of_first_line(records, moved).is_ok_and(|digest| digest == open.digest))
 }
 
+/// Whether a line of its day names a run, when it began or when it was closed.
+///
+/// # Errors
+/// The chain of its day cannot be read.
+pub(crate) fn is_named(run: &Path) -> Result<bool, StoreError> {
+    let run = &on(std::path::absolute(run), "find", run)?;
+    let Ok((day, records)) = above(run) else { return Ok(false) };
+    let Some(chain) = chain_of(records, &name_in(records, day))? else { return Ok(false) };
+    let name = name_in(records, run);
+    Ok(chain.lines.iter().any(|line| line.run == name || line.began_as() == name))
+}
+
 /// Digest of the first line of a run's journal, with its end.
 ///
 /// # Errors

@@ -19,7 +19,7 @@ pub(crate) enum Beginning {
     /// Other runs have such a line, and this one has none that its journal fits.
     Missing,
     /// It has its line.
-    Written(Begun),
+    Written(Box<Begun>),
 }
 
 /// The line of a run's beginning.
@@ -108,6 +108,6 @@ impl Beginnings {
         };
         let Some(line) = own.or_else(moved) else { return Ok(Beginning::Missing) };
         let is_behind_signed = self.signed_since.is_some_and(|since| since < line.number);
-        Ok(Beginning::Written(Begun { line: line.clone(), is_behind_signed }))
+        Ok(Beginning::Written(Box::new(Begun { line: line.clone(), is_behind_signed })))
     }
 }

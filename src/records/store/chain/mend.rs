@@ -3,12 +3,13 @@
 //! are gone, and stays.
 
 use std::fs;
-use std::io::{self, Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::append::{Counted, NEWEST_DAYS, count, counted, lock, whole_lines};
+use super::apart::last_line;
+use super::append::{Counted, NEWEST_DAYS, count, counted, lock};
 use super::entry::{ChainEntry, Place};
 use super::read::chains;
+use super::tail::{self, TORN, Tail, ends_in_a_line};
 use super::{CHAIN, COUNTER};
 use crate::store::folder::PART;
 use crate::store::{StoreError, on, reader};
@@ -22,14 +23,20 @@ pub(in crate::store) fn mend(records: &Path) -> Result<Vec<String>, StoreError> 
         return Ok(Vec::new());
     }
     let _lock = lock(records)?;
-    // What another station left half done a moment ago may be whole now.
-    look(records)?.into_iter().filter_map(|fault| fault.mend(records).transpose()).collect()
+    // What another station left half done a moment ago may be whole now. A line that has its end again is counted.
+    let mut said = Vec::new();
+    for is_half_line in [true, false] {
+        for fault in look(records)?.into_iter().filter(|fault| matches!(fault, Fault::HalfLine(_)) == is_half_line) {
+            said.extend(fault.mend(records)?);
+        }
+    }
+    Ok(said)
 }
 
 /// What is not as a station leaves it.
 enum Fault {
     /// A chain ends with half a line.
-    HalfLine { chain: PathBuf, day: String },
+    HalfLine(String),
     /// A counter that was not completely written.
     CounterPart(PathBuf),
     /// The counter is not what the chain says.
@@ -43,7 +50,7 @@ fn look(records: &Path) -> Result<Vec<Fault>, StoreError> {
     for day in reader::day_names(records)? {
         let chain = records.join(&day).join(CHAIN);
         if on(ends_in_a_line(&chain), "read", &chain)? == Some(false) {
-            faults.push(Fault::HalfLine { chain, day });
+            faults.push(Fault::HalfLine(day));
         }
     }
     let part = records.join(format!("{COUNTER}.{PART}"));
@@ -56,8 +63,10 @@ fn look(records: &Path) -> Result<Vec<Fault>, StoreError> {
     };
     let mut newest = newest_of(NEWEST_DAYS)?;
     let number = |newest: &Option<ChainEntry>| newest.as_ref().map_or(0, |link| link.number);
-    // A clock that was set back leaves the last line in an older day.
-    if !matches!(&counted, Counted::As(counted) if counted.number <= number(&newest)) {
+    // A clock that was set back leaves the last line in an older day, whatever the counter says: it follows the line.
+    let days = reader::day_names(records)?;
+    let ends = days.iter().filter_map(|day| last_line(records, day)).max().unwrap_or(0);
+    if ends > number(&newest) || !matches!(&counted, Counted::As(counted) if counted.number <= number(&newest)) {
         newest = newest_of(usize::MAX)?;
     }
     let last = number(&newest);
@@ -72,30 +81,23 @@ fn look(records: &Path) -> Result<Vec<Fault>, StoreError> {
     Ok(faults)
 }
 
-/// Whether a chain ends with a whole line; `None` if there is none, or an empty one.
-fn ends_in_a_line(chain: &Path) -> io::Result<Option<bool>> {
-    let mut file = match gnc_files::own(chain) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        opened => opened?,
-    };
-    if file.metadata()?.len() == 0 {
-        return Ok(None);
-    }
-    let mut last = [0];
-    file.seek(SeekFrom::End(-1))?;
-    file.read_exact(&mut last)?;
-    Ok(Some(last == *b"\n"))
-}
-
 impl Fault {
     fn mend(self, records: &Path) -> Result<Option<String>, StoreError> {
         Ok(Some(match self {
-            Self::HalfLine { chain, day } => {
-                let mut file = on(gnc_files::append(&chain), "write", &chain)?;
-                let whole = on(whole_lines(&mut file), "read", &chain)?;
-                on(file.set_len(whole).and_then(|()| file.sync_all()), "write", &chain)?;
-                format!("the chain of {day} ended with half a line, as a sudden end leaves it; it is removed")
-            }
+            Self::HalfLine(day) => match tail::mend(records, &day)? {
+                Tail::Whole => return Ok(None),
+                Tail::Completed => {
+                    format!(
+                        "the last line of the chain of {day} lacked its end, and fits all others; it has its end again"
+                    )
+                }
+                Tail::Kept => format!(
+                    "the chain of {day} ended with half a line, as a sudden end leaves it; it is moved to {TORN} beside it"
+                ),
+                Tail::Removed => {
+                    format!("the chain of {day} ended with half a line, as a sudden end leaves it; it is removed")
+                }
+            },
             Self::CounterPart(part) => {
                 let is_folder = part.symlink_metadata().is_ok_and(|meta| meta.is_dir());
                 let removed = if is_folder { fs::remove_dir(&part) } else { fs::remove_file(&part) };

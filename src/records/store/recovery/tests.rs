@@ -193,6 +193,16 @@ fn a_folder_that_never_began_goes() {
         assert!(!run.parent().unwrap().exists(), "the folder of its module goes too");
         shelf.is_whole(1);
     }
+    // A run that the chain names stays, also one of an earlier version, which wrote no line of its beginning.
+    let emptied = shelf.run("SN-1", 0);
+    let line = fs::read_to_string(shelf.path().join(DAY).join(CHAIN)).unwrap().lines().last().unwrap().to_owned();
+    let chain = shelf.path().join(DAY).join(CHAIN);
+    let (before, name) = (fs::read_to_string(&chain).unwrap(), format!("{DAY}/SN-1/143000-functional"));
+    let words: Vec<&str> = line.split(' ').take(4).collect();
+    fs::write(&chain, format!("{before}{} {name}\n", words.join(" "))).unwrap();
+    assert_eq!((shelf.start(), emptied.exists()), (Vec::new(), true));
+    fs::write(&chain, before).unwrap();
+    assert!(shelf.start().len() == 1 && !emptied.exists());
     // A station that begins holds its folder; a folder of a person has another name.
     let begins = RunFolder::create(shelf.path(), at(), "SN-2", "functional").unwrap();
     let of_person = shelf.path().join(DAY).join("SN-0/notes");
@@ -363,4 +373,20 @@ fn only_a_run_that_the_chain_began_is_resumed() {
     assert_eq!([why(&planted, None), why(&planted, Some(&own))], [not_begun.clone(), not_begun.clone()]);
     assert_eq!(shelf.start_by(STATION, BenchKind::Real, Some(&own)).len(), 4);
     assert_eq!([why(&signed, Some(&own)), why(&planted, Some(&own))], [None, not_begun]);
+}
+
+/// Sealed runs without a line cost time, too, and wait behind the interrupted ones.
+#[test]
+fn sealed_runs_without_a_line_are_looked_at_within_the_time() {
+    let shelf = Shelf::new();
+    for run in 1..=3 {
+        let run = shelf.run(&format!("SN-{run}"), 1);
+        fs::write(run.join(DIGESTS), "").unwrap();
+    }
+    assert_eq!(
+        shelf.start_within(Duration::ZERO),
+        [
+            "3 runs more have no end or were not closed, and this start has no time for them; each next start goes on with them"
+        ]
+    );
 }

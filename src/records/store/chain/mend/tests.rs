@@ -61,9 +61,106 @@ fn half_a_line_is_removed_in_each_day() {
         fs::write(shelf.chain(), [&whole, half].concat()).unwrap();
         let checked = verify(shelf.path()).unwrap();
         assert_eq!((checked.problems, checked.incomplete.len()), (Vec::new(), 1));
-        shelf.mended(&["the chain of 2026-11-28 ended with half a line, as a sudden end leaves it; it is removed"]);
+        let is_blank = half.iter().all(|byte| *byte == 0);
+        let done = if is_blank { "removed" } else { "moved to CHAIN.torn beside it" };
+        shelf.mended(&[&format!(
+            "the chain of 2026-11-28 ended with half a line, as a sudden end leaves it; it is {done}"
+        )]);
         assert_eq!(fs::read(shelf.chain()).unwrap(), whole);
     }
+    // All of them are kept.
+    let kept = fs::read(shelf.chain().with_extension("torn")).unwrap();
+    assert_eq!(kept, b"3 ab\n3 \xff\xfe\n");
+}
+
+/// A person takes the end of a line away, and the line stays: of the first, a middle and the last day, when a run begins and at a
+/// start.
+#[test]
+fn a_whole_line_without_its_end_stays() {
+    let said = |day: &str| {
+        format!("the last line of the chain of {day} lacked its end, and fits all others; it has its end again")
+    };
+    for at in 0..3 {
+        let shelf = Shelf::of(0);
+        let days = ["2026-11-26", "2026-11-27", DAY];
+        for (run, day) in days.iter().enumerate() {
+            shelf.close(day, run as u64).unwrap();
+        }
+        let chain = shelf.path().join(days[at]).join(CHAIN);
+        let whole = fs::read(&chain).unwrap();
+        fs::write(&chain, &whole[..whole.len() - 1]).unwrap();
+        shelf.mended(&[&said(days[at])]);
+        assert_eq!(fs::read(&chain).unwrap(), whole);
+        // The next line begins behind it.
+        fs::write(&chain, &whole[..whole.len() - 1]).unwrap();
+        shelf.close(days[at], 9).unwrap();
+        assert!(fs::read(&chain).unwrap().starts_with(&whole));
+        shelf.mended(&[]);
+    }
+    // A line that does not fit is half a line, whatever it says.
+    let shelf = Shelf::of(2);
+    let whole = fs::read_to_string(shelf.chain()).unwrap();
+    let first = whole.lines().next().unwrap();
+    fs::write(shelf.chain(), format!("{whole}{first}")).unwrap();
+    shelf.mended(&[
+        "the chain of 2026-11-28 ended with half a line, as a sudden end leaves it; it is moved to CHAIN.torn beside it",
+    ]);
+}
+
+/// The link covers no signature, so that half of one does not show in it.
+#[test]
+fn a_line_that_was_cut_in_its_signature_is_half_a_line() {
+    let folder = tempfile::tempdir().unwrap();
+    crate::store::StationKey::create(&folder.path().join("key")).unwrap();
+    let key = crate::store::StationKey::read(&folder.path().join("key")).unwrap();
+    let at = chrono::DateTime::UNIX_EPOCH.fixed_offset();
+    let shelf = Shelf::of(0);
+    let close = |run: u64, key| {
+        let path = shelf.path().join(DAY).join(format!("SN-{run}/120000-x"));
+        fs::create_dir_all(&path).unwrap();
+        fs::write(path.join(DIGESTS), format!("{run}")).unwrap();
+        chain::append_as(&path, &chain::Scribe { station: "test", at, key, late: None }).unwrap();
+    };
+    close(1, Some(&key));
+    let (counter, first) = (shelf.counted().unwrap(), fs::read_to_string(shelf.chain()).unwrap());
+    close(2, Some(&key));
+    let whole = fs::read_to_string(shelf.chain()).unwrap();
+    let behind_name = whole.rfind(" sig ").unwrap();
+    for length in [behind_name, behind_name + 30, whole.len() - 2] {
+        fs::write(shelf.counter(), &counter).unwrap();
+        fs::write(shelf.chain(), &whole[..length]).unwrap();
+        assert_eq!(mend(shelf.path()).unwrap().len(), 1);
+        assert_eq!(fs::read_to_string(shelf.chain()).unwrap(), first, "{length}");
+    }
+    fs::write(shelf.chain(), &whole[..whole.len() - 1]).unwrap();
+    assert!(mend(shelf.path()).unwrap().iter().any(|said| said.contains("it has its end again")));
+    assert_eq!(fs::read_to_string(shelf.chain()).unwrap(), whole);
+}
+
+/// An error that could not be undone says so.
+#[test]
+fn a_line_that_cannot_be_taken_back_is_named() {
+    let error = || on::<()>(Err(std::io::ErrorKind::StorageFull.into()), "write", Path::new("CHAIN")).unwrap_err();
+    let stands = crate::store::chain::append::taken_back(error(), &Err(std::io::ErrorKind::Other.into()));
+    assert!(gnc_text::with_causes(&stands).starts_with("its line may stand in the chain: cannot write CHAIN"));
+    assert_eq!(stands.try_this(), error().try_this());
+    let back = crate::store::chain::append::taken_back(error(), &Ok(()));
+    assert!(matches!(back, StoreError::File { .. }));
+}
+
+/// The clock was set back, and a kill came before the counter: the number of that line is not given a second time.
+#[test]
+fn a_line_in_an_old_day_that_was_not_counted_keeps_its_number() {
+    let shelf = Shelf::of(0);
+    for day in 1..=5 {
+        shelf.close(&format!("2026-12-0{day}"), day).unwrap();
+    }
+    let counter = shelf.counted().unwrap();
+    shelf.close("2026-11-01", 6).unwrap();
+    fs::write(shelf.counter(), counter).unwrap();
+    shelf.mended(&["COUNTER stood at line 5 and the chain ends at line 6, as a sudden end leaves it; it is mended"]);
+    shelf.close("2026-12-05", 7).unwrap();
+    shelf.mended(&[]);
 }
 
 #[test]
