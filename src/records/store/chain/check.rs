@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::append::lock;
+use super::before::day_and_time;
 use super::entry::{ChainEntry, Place};
 use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
 use super::{COUNTER, NOTHING, matching, places, signed, times};
@@ -230,9 +231,10 @@ impl ChainBook {
         }
         let known: HashSet<&str> =
             self.lines.iter().filter(|line| line.is_close()).map(|line| line.run.as_str()).collect();
-        let first_day = self.lines.iter().map(ChainEntry::day).min().unwrap_or_default();
+        // Also on the day of the first line a run may be from before it.
+        let first = self.lines.first().map(|line| day_and_time(&line.run)).unwrap_or_default();
         let (later, before): (Vec<_>, Vec<_>) =
-            closed.iter().filter(|name| !known.contains(name.as_str())).partition(|name| name.as_str() > first_day);
+            closed.iter().filter(|name| !known.contains(name.as_str())).partition(|name| day_and_time(name) >= first);
         // A run that was slipped in has no line of its beginning.
         let begun: HashSet<&str> =
             self.lines.iter().filter(|line| !line.is_close()).map(|line| line.run.as_str()).collect();
@@ -248,7 +250,7 @@ impl ChainBook {
         if has_key {
             checked.problems.extend(before.iter().map(|name| {
                 format!(
-                    "{name} is not in the chain and stands on a day before its first line: it may have been slipped in"
+                    "{name} is not in the chain and is older than its first line: a version before the chain wrote it, or it was slipped in"
                 )
             }));
         } else if let Some(first) = before.first() {
