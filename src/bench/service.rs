@@ -348,7 +348,7 @@ impl Ready {
             plans,
             clock_is_right,
         } = equipment;
-        plans.check(&request.plan.plan().name, request.plan.sha256())?;
+        plans.check(request.plan.plan(), request.plan.sha256())?;
         for (of, pattern) in [("bench", &serial_number), ("plan", &request.plan.plan().serial_number)] {
             if let Some(pattern) = pattern.as_ref().filter(|pattern| !pattern.fits(&request.serial_number)) {
                 let (serial_number, pattern) = (request.serial_number.clone(), pattern.to_string());
@@ -392,11 +392,13 @@ impl Ready {
         }
         Self::check_required(request, &records, &plans, header.bench.kind)?;
         let like = Like::header(&header, request.plan.plan().valid_days, request.began.unwrap_or_else(clock::now));
+        let like = like.with_key(key.as_ref());
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, like)).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);
         let at = request.began.unwrap_or_else(clock::now);
-        let sealer = Sealer { station: &header.station, program: &header.program, at, key: key.as_ref() };
+        let (station, kind) = (header.station.as_str(), header.bench.kind);
+        let sealer = Sealer { station, kind, program: &header.program, at, key: key.as_ref() };
         let mut found = seal_interrupted(&records, &sealer);
         found.extend(reuse::of(&records, &header).iter().map(in_words));
         let answers = request.answers.clone();

@@ -271,6 +271,12 @@ impl RunRecord {
     #[must_use]
     pub fn closed_late(mut self, at: &str) -> Self {
         self.closed_late = Some(at.to_owned());
+        self.not_closed()
+    }
+
+    /// The record of a run that its station did not close: a pass of its items is errored.
+    #[must_use]
+    pub fn not_closed(mut self) -> Self {
         if self.verdict.of_items().is_good() {
             self.verdict = self.verdict.at_least(Outcome::Errored);
         }

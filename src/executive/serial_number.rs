@@ -3,6 +3,8 @@
 //! A serial number is printable ASCII. A pattern allows a sign beyond that by its name: the sign itself stands in the pattern, or
 //! a range does whose ends stand there, `[А-Я]`. So signs that look like others (`С` and `C`) come in by no `.` or `\w`.
 
+mod signs;
+
 use std::fmt;
 use std::sync::Arc;
 
@@ -20,6 +22,8 @@ pub struct SerialNumberPattern {
     text: Arc<str>,
     /// Shared: bench and plan travel in messages, and stay small so.
     whole: Arc<Regex>,
+    /// The signs that it names, and ranges of them.
+    named: Arc<[(char, char)]>,
 }
 
 impl SerialNumberPattern {
@@ -33,8 +37,12 @@ impl SerialNumberPattern {
         }
         // Alone first: a bracket that is closed too early must not close that of the line below.
         Regex::new(text).map_err(|error| error.to_string())?;
-        let whole = Regex::new(&format!("^(?:{text})$")).map_err(|error| error.to_string())?;
-        Ok(Self { text: text.into(), whole: Arc::new(whole) })
+        let signs = signs::read(text);
+        let both_cases = Regex::new(&format!("^(?:{})$", signs.both_cases));
+        // What the library reads otherwise, like brackets in a comment, counts as it is written.
+        let whole = both_cases.or_else(|_| Regex::new(&format!("^(?:{text})$")));
+        let whole = whole.map_err(|error| error.to_string())?;
+        Ok(Self { text: text.into(), whole: Arc::new(whole), named: signs.named.into() })
     }
 
     /// Whether all of a serial number matches.
@@ -43,22 +51,22 @@ impl SerialNumberPattern {
         self.whole.is_match(serial_number)
     }
 
-    /// Whether the pattern names this sign: the sign stands in it, or lies in a range of signs beyond ASCII whose ends stand in it.
+    /// Whether the pattern names this sign: the sign stands in it, by itself or by its number, or lies in a range of signs beyond ASCII
+    /// whose ends stand in it. Where the flag `i` is on, both cases of a letter are named.
     #[must_use]
     pub fn names(&self, sign: char) -> bool {
-        let signs: Vec<char> = self.text.chars().collect();
-        let in_range =
-            |range: &[char]| !range[0].is_ascii() && range[1] == '-' && (range[0]..=range[2]).contains(&sign);
-        signs.contains(&sign) || signs.windows(3).any(in_range)
+        self.named.iter().any(|(first, last)| (*first..=*last).contains(&sign))
     }
 
-    /// The first sign of a serial number that is not printable ASCII and that no pattern names. All patterns must fit the number, for
-    /// else they say nothing of it.
+    /// A sign of a serial number that is not printable ASCII and that no pattern names. A pattern that the number does not fit may
+    /// mean other numbers: then the first sign beyond ASCII is not allowed, unless patterns name all signs of the number. So
+    /// `None` does not say that the number fits.
     pub fn not_allowed<'a>(serial_number: &str, patterns: impl IntoIterator<Item = &'a Self>) -> Option<char> {
         let patterns: Vec<&Self> = patterns.into_iter().collect();
-        let fit = patterns.iter().all(|pattern| pattern.fits(serial_number));
-        let named = |sign: char| fit && patterns.iter().any(|pattern| pattern.names(sign));
-        serial_number.chars().find(|sign| !matches!(sign, ' '..='~') && !named(*sign))
+        let beyond = || serial_number.chars().filter(|sign| !matches!(sign, ' '..='~'));
+        let unnamed = beyond().find(|sign| !patterns.iter().any(|pattern| pattern.names(*sign)))?;
+        let fits = patterns.iter().all(|pattern| pattern.fits(serial_number));
+        if fits { Some(unnamed) } else { beyond().next() }
     }
 }
 
@@ -102,6 +110,8 @@ mod tests {
         // Alternatives are held whole too.
         assert!(fits("A[0-9]|B[0-9]", "B1") && !fits("A[0-9]|B[0-9]", "A1x") && !fits("A[0-9]|B[0-9]", "xB1"));
         assert!(fits("БИНС-\\d+", "БИНС-12"));
+        assert!(fits("(?i)бинс-[0-9]+", "БИНС-12") && fits("(?i)[а-яё]+", "ЁЖ") && fits("(?i)\\x{431}", "Б"));
+        assert!(!fits("бинс-[0-9]+", "БИНС-12") && !fits("(?i:б)инс", "БИНС"));
     }
 
     #[test]
@@ -116,6 +126,13 @@ mod tests {
             ("№ ?[0-9]+", "№ 5"),
             (".*", "S N~!"),
             ("[模块]+", "模块"),
+            ("(?i)бинс-[0-9]+", "БИНС-12"),
+            ("(?i)[а-яё]{4}-[0-9]+", "ЁЖИК-12"),
+            ("(?i:Б)инс-1", "бинс-1"),
+            ("\\x{0411}-1", "Б-1"),
+            ("\\u0411[\\x{0410}-\\x{042F}]-1", "БЯ-1"),
+            // Too short, and yet no sign of it is wrong.
+            ("БИНС-[0-9]{4}", "БИНС-123"),
         ] {
             assert_eq!(not_allowed(pattern, number), None, "{pattern} {number}");
         }
@@ -126,6 +143,9 @@ mod tests {
             ("[ -\u{10ffff}]+", "S\u{200b}", '\u{200b}'),
             ("БИНС-\\d+", "БИНК-12", 'Б'),
             ("[А-Я]+", "Ю\u{301}", 'Ю'),
+            ("(?i)s.+", "SЖ", 'Ж'),
+            ("БИНС-[0-9]+", "бинс-12", 'б'),
+            ("А-Я.", "А-ЯЖ", 'Ж'),
         ] {
             assert_eq!(not_allowed(pattern, number), Some(sign), "{pattern} {number}");
         }

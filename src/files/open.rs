@@ -2,6 +2,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _};
+use std::os::fd::AsRawFd as _;
 use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
 use std::path::{Component, Path};
 
@@ -66,11 +67,29 @@ pub fn is_refused(error: &io::Error) -> Option<Refused> {
 /// The error of the system; [`Refused`] within it for what is not a regular file.
 pub fn open(path: &Path) -> io::Result<File> {
     let opened = OpenOptions::new().read(true).custom_flags((OFlag::O_NONBLOCK | OFlag::O_NOCTTY).bits()).open(path);
+    if is_lent(&opened) {
+        let looked = OpenOptions::new().read(true).custom_flags(OFlag::O_PATH.bits()).open(path)?;
+        return when_given_back(looked, OpenOptions::new().read(true));
+    }
     // A socket cannot be opened at all.
     regular(opened.map_err(|error| match path.metadata() {
         Ok(meta) if meta.file_type().is_socket() => Refused::Socket.into(),
         _ => error,
     })?)
+}
+
+/// Whether a file could not be opened because another computer or program has it on loan (a lease): a file server asks for it back
+/// first, and that would be a wait.
+pub(crate) fn is_lent(opened: &io::Result<File>) -> bool {
+    opened.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::WouldBlock)
+}
+
+/// Opens a file that is on loan, as soon as it is given back; the kernel takes it back after `lease-break-time`, 45 s. `looked` is the
+/// file itself, opened to be looked at (`O_PATH`), so that nothing that waits for ever can take its place.
+pub(crate) fn when_given_back(looked: File, options: &mut OpenOptions) -> io::Result<File> {
+    let looked = regular(looked)?;
+    let itself = format!("/proc/self/fd/{}", looked.as_raw_fd());
+    regular(options.custom_flags(OFlag::O_NOCTTY.bits()).open(itself)?)
 }
 
 /// Opens a regular file below a root for reading. Neither the file nor a folder between is a link; the root may be one.
@@ -96,7 +115,13 @@ pub fn below(root: &Path, path: &Path) -> io::Result<File> {
     }
     let flags = OFlag::O_RDONLY | OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK | OFlag::O_NOCTTY | OFlag::O_CLOEXEC;
     let opened = openat(&at, *file, flags, Mode::empty());
-    regular(opened.map_err(|error| at_link(&at, file, error.into()))?.into())
+    let opened = opened.map_err(|error| at_link(&at, file, error.into())).map(File::from);
+    if is_lent(&opened) {
+        let look = OFlag::O_PATH | OFlag::O_NOFOLLOW | OFlag::O_CLOEXEC;
+        let looked = openat(&at, *file, look, Mode::empty()).map_err(io::Error::from)?;
+        return when_given_back(looked.into(), OpenOptions::new().read(true));
+    }
+    regular(opened?)
 }
 
 /// How far the files may lie that another file names.
@@ -120,12 +145,11 @@ pub fn named(folder: &Path, path: &Path, reach: Reach) -> io::Result<File> {
     }
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let (root, real) = (here.canonicalize()?, path.canonicalize()?);
-    if !real.starts_with(&root) {
-        return Err(Refused::Outside.into());
+    match real.strip_prefix(&root) {
+        // A folder on the way may have become a link since; it is not followed.
+        Ok(inside) => below(&root, inside),
+        Err(_) => Err(Refused::Outside.into()),
     }
-    let file = open(&real)?;
-    // A folder on the way may have become a link since.
-    if real.canonicalize()? == real { Ok(file) } else { Err(Refused::Outside.into()) }
 }
 
 /// Reads at most the first `limit` bytes of a file as [`named`] opens it.
@@ -165,6 +189,8 @@ pub(crate) fn regular(file: File) -> io::Result<File> {
         return Ok(file);
     } else if kind.is_dir() {
         Refused::Folder
+    } else if kind.is_symlink() {
+        Refused::Link
     } else if kind.is_fifo() {
         Refused::Pipe
     } else if kind.is_socket() {

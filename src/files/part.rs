@@ -90,17 +90,18 @@ impl Drop for Part {
 }
 
 /// Writes a file that a person named: complete under its name, or not there. The file of a link is replaced, not the link.
-/// A pipe, a terminal or another device, and a standard stream of this program by its name in `/dev` or `/proc`, is written
-/// to as it is.
+/// A pipe, a terminal or another device is written to as it is, and so is a standard stream of this program by its name in `/dev` or
+/// `/proc`: behind what is in it, if it is a file.
 ///
 /// # Errors
 /// The error of the system.
 pub fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let is_stream = path.starts_with("/dev") || path.starts_with("/proc");
     match path.metadata() {
         Ok(meta) if meta.is_dir() => Err(crate::Refused::Folder.into()),
-        Ok(meta) if is_stream || !meta.is_file() => {
-            let mut stream = OpenOptions::new().write(true).custom_flags(OFlag::O_NOCTTY.bits()).open(path)?;
+        Ok(meta) if is_stream(path) || !meta.is_file() => {
+            let mut options = OpenOptions::new();
+            let options = if meta.is_file() { options.append(true) } else { options.write(true) };
+            let mut stream = options.custom_flags(OFlag::O_NOCTTY.bits()).open(path)?;
             stream.write_all(bytes)?;
             stream.flush()
         }
@@ -114,6 +115,15 @@ pub fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
 }
 
+/// Whether a path names a stream that a program has open. A file elsewhere below `/dev`, as in `/dev/shm`, is a file like all others.
+fn is_stream(path: &Path) -> bool {
+    let Some(path) = path.to_str() else { return false };
+    let is_open = |of: &str| of.split_once("/fd/").is_some_and(|(process, _)| !process.contains('/'));
+    matches!(path, "/dev/stdin" | "/dev/stdout" | "/dev/stderr")
+        || path.starts_with("/dev/fd/")
+        || path.strip_prefix("/proc/").is_some_and(is_open)
+}
+
 /// Opens a regular file to append to, and makes it if it is not there. A link in its place is refused, and a pipe does not wait for
 /// its reader.
 ///
@@ -122,6 +132,11 @@ pub fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
 pub fn append(path: &Path) -> io::Result<File> {
     let flags = OFlag::O_NOFOLLOW | OFlag::O_NONBLOCK | OFlag::O_NOCTTY;
     let opened = OpenOptions::new().create(true).read(true).append(true).custom_flags(flags.bits()).open(path);
+    if crate::open::is_lent(&opened) {
+        let look = OFlag::O_PATH | OFlag::O_NOFOLLOW;
+        let looked = OpenOptions::new().read(true).custom_flags(look.bits()).open(path)?;
+        return crate::open::when_given_back(looked, OpenOptions::new().read(true).append(true));
+    }
     crate::open::regular(opened.map_err(|error| match path.symlink_metadata() {
         Ok(meta) if meta.is_symlink() => crate::Refused::Link.into(),
         _ => error,
@@ -183,6 +198,22 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4, "no part is left");
         symlink("nowhere", at("dangling")).unwrap();
         assert!(create_new(&at("dangling")).is_err());
+    }
+
+    /// A file in `/dev/shm` is a file; a stream that is a file gets what is written behind what it has.
+    #[test]
+    fn a_file_in_memory_keeps_nothing_of_the_file_before() {
+        let folder = tempfile::tempdir_in("/dev/shm").unwrap();
+        let path = folder.path().join("plot.svg");
+        fs::write(&path, "old and longer").unwrap();
+        put(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        let stream = OpenOptions::new().write(true).open(&path).unwrap();
+        use std::os::fd::AsRawFd as _;
+        put(Path::new(&format!("/proc/self/fd/{}", stream.as_raw_fd())), b" and more").unwrap();
+        put(Path::new(&format!("/dev/fd/{}", stream.as_raw_fd())), b" at last").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new and more at last");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]

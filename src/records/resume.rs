@@ -21,9 +21,9 @@ use gnc_executive::verdict::Verdict;
 use sha2::{Digest as _, Sha256};
 
 use crate::store::captures::{self, CapturesError};
-use crate::store::chain::{self, ChainStanding};
+use crate::store::chain::{self, Beginning, Beginnings, ChainStanding, SignedBy};
 use crate::store::reader::{self, ReadError};
-use crate::store::{self, DIGESTS, JOURNAL, digest};
+use crate::store::{self, DIGESTS, JOURNAL, StationKey, StoreError, digest};
 
 /// Longest journal of a run that is taken up again, as for each journal that is read.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
@@ -141,6 +141,8 @@ pub struct Like<'a> {
     pub valid_days: u32,
     /// The time by the clock of the computer.
     pub now: DateTime<FixedOffset>,
+    /// The key of the station, which signed the beginning of the earlier run. Without it, no signature is checked.
+    pub key: Option<&'a StationKey>,
 }
 
 impl<'a> Like<'a> {
@@ -154,7 +156,14 @@ impl<'a> Like<'a> {
             selection: header.selection.as_deref(),
             valid_days,
             now,
+            key: None,
         }
+    }
+
+    /// The same for a station with this key.
+    #[must_use]
+    pub fn with_key(self, key: Option<&'a StationKey>) -> Self {
+        Self { key, ..self }
     }
 
     /// Checks that a run which began then is as young as a pass must be: what it captured counts as if it were of now.
@@ -225,6 +234,7 @@ impl Resumed {
             _ => {}
         }
         like.is_young(began(&journal).ok_or(ResumeError::Unreadable(ReadError::Empty))?)?;
+        has_begun(folder, like.key)?;
         unchanged(folder, &state)?;
         let begun: Vec<(usize, String, u32)> = (state.rows().iter().enumerate())
             .filter(|(_, row)| !row.attempts.is_empty())
@@ -329,6 +339,23 @@ fn complete(path: &Path) -> Result<Vec<Capture>, ResumeError> {
 fn began(journal: &[u8]) -> Option<DateTime<FixedOffset>> {
     let line = journal.split(|byte| *byte == b'\n').next()?;
     serde_json::from_slice::<Event>(line).ok().map(|event| event.at)
+}
+
+/// Checks that the chain says of the run that it began: a folder that was put there holds captures of any module. Chains of
+/// earlier versions say it of no run.
+fn has_begun(folder: &Path, key: Option<&StationKey>) -> Result<(), ResumeError> {
+    let changed = |what: String| Err(ResumeError::Changed { what });
+    let unreadable = |error: StoreError| ResumeError::Changed { what: gnc_text::with_causes(&error) };
+    let run = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let Some(records) = run.ancestors().nth(3) else { return Ok(()) };
+    match Beginnings::read(records).and_then(|all| all.of(records, &run)).map_err(unreadable)? {
+        Beginning::NeverWritten => Ok(()),
+        Beginning::Missing => changed("no line of the chain says that it began".to_owned()),
+        Beginning::Written(begun) if key.is_some() && begun.signed_by(key) != SignedBy::This => {
+            changed("the line of its beginning is not signed with the key of this station".to_owned())
+        }
+        Beginning::Written(_) => Ok(()),
+    }
 }
 
 /// Checks a closed run against its digests, and those against the chain. A run that was cut off has neither.

@@ -99,7 +99,7 @@ fn about(
     };
     let path = printable(&gnc_text::shown_path(path)).into_owned();
     let mut said = vec![(Some(path), format!("{} items, no mistake{remark}", plan.items().len()))];
-    let pinned = bench.map_or(Ok(()), |bench| bench.plans.check(&info.name, &info.sha256));
+    let pinned = bench.map_or(Ok(()), |bench| bench.plans.check(plan, &info.sha256));
     let is_pinned = bench.is_some_and(|bench| bench.plans.of(&info.name) == Some(info.sha256.as_str()));
     let line = PinnedPlans::line(&info.name, &info.sha256);
     said.push(match is_pinned {

@@ -182,7 +182,7 @@ fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<B
 /// Whether the bench pins its plans, and whether it runs the one with which its screen opens.
 fn plans(bench: &BenchFile, folder: &Path) -> Finding {
     let usual = bench.plan.as_ref().and_then(|plan| files::plan(&folder.join(plan), gnc_files::Reach::Folder).ok());
-    match usual.map(|plan| bench.plans.check(&plan.plan().name, plan.sha256())) {
+    match usual.map(|plan| bench.plans.check(plan.plan(), plan.sha256())) {
         Some(Err(error)) => Finding::bad(error.to_string(), error.try_this()),
         _ if bench.plans.is_empty() => Finding::good("the bench file pins no plan, so this bench runs any plan"),
         _ => Finding::good(format!("the bench file pins its plans: {}", bench.plans.len())),

@@ -75,13 +75,16 @@ fn show(folder: &Path) -> ExitCode {
         Ok(run) => {
             let mut out = Lines::to_stdout();
             out.wording.keep_names_of(&run);
+            // The journal cannot tell it. Who wants to know why the chain cannot be read verifies the run.
+            let late = LateCloses::default().of(folder).ok().flatten();
+            let lacks = || LateCloses::default().lacks(folder).is_ok_and(|lacks| lacks);
+            let is_closed = run.interrupted || goes_on(folder) || reader::is_sealed(folder) && !lacks();
+            let run = if late.is_some() || !is_closed { run.not_closed() } else { run };
             out.say(text::log_txt(&run).trim_end_matches('\n'));
-            // The journal cannot tell it. Whoever wants to know why the chain cannot be read verifies the run.
-            if let Ok(Some(late)) = LateCloses::default().of(folder) {
+            if let Some(late) = &late {
                 out.say(format_args!("\nCLOSED LATE: {}", printable(&late.in_words())));
             }
-            let lacks = || LateCloses::default().lacks(folder).is_ok_and(|lacks| lacks);
-            if !run.interrupted && !goes_on(folder) && (!reader::is_sealed(folder) || lacks()) {
+            if !is_closed {
                 out.say("");
                 out.say("NOT CLOSED: its station ended, or could not write, before the run was in the chain; it is not a pass");
             }

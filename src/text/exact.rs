@@ -5,8 +5,8 @@ use std::path::Path;
 
 use crate::printable::{Marks, escape};
 
-/// A name as [`crate::printable`] shows it, and more: blanks other than the space are escaped too, and a backslash is written
-/// twice where it could be taken for the beginning of an escape. So different names have different texts.
+/// A name as [`crate::printable`] shows it, and more: all joiners and all blanks other than the space are escaped too, and a
+/// backslash is written twice where it could be taken for the beginning of an escape. So different names have different texts.
 #[must_use]
 pub fn exact(name: &str) -> String {
     exact_bytes(name.as_bytes())
@@ -75,7 +75,7 @@ mod tests {
 
     /// Pieces of names that try to look like each other.
     fn tricky() -> impl Strategy<Value = Vec<u8>> {
-        let pieces: [&[u8]; 16] = [
+        let pieces: [&[u8]; 20] = [
             b"a",
             b"\\",
             b"n",
@@ -92,6 +92,10 @@ mod tests {
             b"u{301}",
             b"t",
             b"\t",
+            "ی".as_bytes(),
+            "\u{200c}".as_bytes(),
+            b"u{200c}",
+            "क\u{94d}".as_bytes(),
         ];
         prop::collection::vec(prop::sample::select(pieces.to_vec()), 0..6).prop_map(|pieces| pieces.concat())
     }

@@ -4,6 +4,7 @@
 
 mod causes;
 mod exact;
+mod joined;
 mod printable;
 
 pub use causes::with_causes;

@@ -8,6 +8,8 @@ use std::fmt::Write as _;
 
 use unicode_width::UnicodeWidthChar as _;
 
+use crate::joined::{Before, is_joiner};
+
 /// Largest number of characters of foreign text in a message; more would hide what the message says.
 const QUOTED_CHARACTERS: usize = 60;
 /// Most marks over or under one letter. Languages need two or three; more of them grow into the lines above and below.
@@ -15,7 +17,8 @@ const MOST_MARKS: usize = 3;
 
 /// The text with every control, direction and invisible character written as its escape.
 ///
-/// Line breaks are escaped too, so that the result is always one line. A text that is printable already stays as it is.
+/// Line breaks are escaped too, so that the result is always one line. A text that is printable already stays as it is. Joiners
+/// stay where the writing of a name needs them, as in Persian, Hindi, Sinhala and emoji; [`crate::exact`] escapes these too.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, false)
@@ -28,21 +31,27 @@ pub fn printable_lines(text: &str) -> Cow<'_, str> {
 }
 
 fn escaped(text: &str, keeps_lines: bool) -> Cow<'_, str> {
-    let mut marks = Marks::default();
-    let Some(first) = text.char_indices().find(|(_, c)| marks.hides(*c) && !(keeps_lines && *c == '\n')) else {
-        return Cow::Borrowed(text);
-    };
-    let mut marks = Marks::default();
-    let mut out = String::with_capacity(text.len() + 16);
-    for (at, c) in text.char_indices() {
-        let hidden = marks.hides(c);
-        match c {
-            '\n' if keeps_lines => out.push(c),
-            c if at >= first.0 && hidden => escape(&mut out, c),
-            c => out.push(c),
+    let mut out: Option<String> = None;
+    let (mut marks, mut before) = (Marks::default(), Before::default());
+    let mut characters = text.char_indices().peekable();
+    while let Some((at, c)) = characters.next() {
+        let next = characters.peek().map(|(_, next)| *next);
+        if before.needs(c, next, marks.has_place()) {
+            before.pass(c);
+        } else if marks.hides(c) {
+            before = Before::default();
+            if !(keeps_lines && c == '\n') {
+                escape(out.get_or_insert_with(|| text[..at].to_owned()), c);
+                continue;
+            }
+        } else {
+            before.pass(c);
+        }
+        if let Some(out) = &mut out {
+            out.push(c);
         }
     }
-    Cow::Owned(out)
+    out.map_or(Cow::Borrowed(text), Cow::Owned)
 }
 
 /// Writes the escape of a character.
@@ -69,7 +78,7 @@ pub fn quoted(text: &str) -> String {
 pub fn shortened(text: &str, characters: usize) -> String {
     match text.char_indices().nth(characters) {
         None => printable(text).into_owned(),
-        Some((end, _)) => format!("{}…", printable(&text[..end])),
+        Some((end, _)) => format!("{}…", printable(text[..end].trim_end_matches(is_joiner))),
     }
 }
 
@@ -81,6 +90,11 @@ pub(crate) struct Marks {
 }
 
 impl Marks {
+    /// Whether one mark more may stand over the letter.
+    pub(crate) fn has_place(&self) -> bool {
+        self.after_letter && self.over_letter < MOST_MARKS
+    }
+
     /// Whether the next character is to be escaped: it is hidden in any place, or a mark too many, or a mark without a letter
     /// of its own, which would sit on what stands before the text.
     pub(crate) fn hides(&mut self, c: char) -> bool {
@@ -176,6 +190,15 @@ mod tests {
             "e\u{301}",
             "Việt",
             "क्षि",
+            "शक्\u{200c}ति",
+            "क्\u{200d}षि",
+            "علی\u{200c}رضا",
+            "مُحَمَّدٌ",
+            "ශ්\u{200d}රී ලංකා",
+            "ที่นี่ น้ำ กำลัง",
+            "Nguye\u{302}\u{303}n Việt",
+            "שָׁלוֹם",
+            "👩\u{200d}🔧 ❤\u{fe0f}",
             "שלום",
             "日本",
             "한국",
@@ -204,7 +227,9 @@ mod tests {
         #[test]
         fn any_text_becomes_one_line_that_shows_itself(text in any::<String>()) {
             let shown = printable(&text).into_owned();
-            prop_assert!(shown.chars().all(|c| !is_hidden(c)), "{shown:?}");
+            // A joiner that a name needs is no other hidden character, and never one of two.
+            let hidden = |c: char| is_hidden(c) && !is_joiner(c);
+            prop_assert!(!shown.chars().any(hidden) && !shown.starts_with(is_joiner), "{shown:?}");
             // What was made printable once stays.
             prop_assert_eq!(printable(&shown), shown.as_str());
             prop_assert_eq!(text.lines().map(printable).collect::<Vec<_>>().join("\n"), {

@@ -1,8 +1,9 @@
-/* Breaks one system call of the closing of a run: the library is loaded before that of C (LD_PRELOAD) and counts the calls of the
-   thread that writes records, from the write of the run's last event on.
+/* Breaks one system call of the beginning or the closing of a run: the library is loaded before that of C (LD_PRELOAD) and counts the
+   calls of the thread that writes records, from the write of the run's last event on, or from that of its first to its second one.
 
      AT_CALL=N        the number of the call, from 1; 0 breaks none
      AT_CALL_ERROR=E  the call fails with this errno; without it, the program is killed behind the call, which was made
+     AT_CALL_BEGIN=1  the calls of the beginning
      AT_CALL_LOG=F    the names of all counted calls, one a line */
 #define _GNU_SOURCE
 #include <dirent.h>
@@ -67,7 +68,8 @@ static int chosen(const char *call) {
     return result
 
 ssize_t write(int fd, const void *bytes, size_t length) {
-    if (writes() && memmem(bytes, length, "\"kind\":\"run_ended\"", 18)) counts = 1;
+    const char *from = getenv("AT_CALL_BEGIN") ? "\"kind\":\"run_started\"" : "\"kind\":\"run_ended\"";
+    if (writes() && memmem(bytes, length, "{\"seq\":", 7)) counts = memmem(bytes, length, from, strlen(from)) != NULL;
     BREAK("write", (REAL(write))(fd, bytes, length), -1);
 }
 

@@ -147,8 +147,9 @@ fn one_signal_ends_a_command_without_a_run() {
         .spawn()
         .expect("the station");
     let pid = Pid::from_raw(i32::try_from(compute.id()).expect("a process"));
-    kill(pid, Signal::SIGINT).expect("alive");
-    assert_eq!(compute.wait().expect("its end").signal(), Some(2));
+    // A shell may have programs behind it pass over SIGINT.
+    kill(pid, Signal::SIGTERM).expect("alive");
+    assert_eq!(compute.wait().expect("its end").signal(), Some(15));
 }
 
 /// The system has too few threads for the end of a run: that is said before anything is switched on.

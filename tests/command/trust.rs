@@ -283,6 +283,25 @@ fn a_bench_runs_the_plans_that_it_pins() {
         assert!(checked.stdout.contains("to pin it under [plans] of a bench file"), "{}", checked.stdout);
     };
     refused("other.toml", "plan other is none of them");
+    // A pass of a plan that is not pinned may come from any text.
+    place.write(
+        "second.toml",
+        &GOOD.replacen("incoming", "second", 1).replacen("version", "requires_plan = [\"other\"]\nversion", 1),
+    );
+    bench(&place, &board, "");
+    let told = check("second.toml").stdout;
+    let second = told.lines().find_map(|line| line.split_once("[plans] of a bench file: ")).expect("the line").1;
+    bench(&place, &board, &format!("[plans]\n{line}\n{second}\n"));
+    let runs = place.runs().len();
+    for run in [auto("second.toml"), check("second.toml")] {
+        let said = format!("{}{}", run.stdout, run.stderr);
+        assert!(
+            run.code == Some(2)
+                && said.contains("requires a pass of other, and the bench file pins plans but not that one"),
+            "{said}"
+        );
+    }
+    assert_eq!(place.runs().len(), runs);
     place.write("incoming.toml", &GOOD.replace("<= 0", "<= 9"));
     refused("incoming.toml", &format!("pins plan incoming to {}, and this one has ", &line[19..31]));
 }

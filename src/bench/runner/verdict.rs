@@ -33,16 +33,6 @@ pub(super) fn judge(
         });
         return (outcome, error);
     };
-    // Nothing that the station missed says anything about the module, not even a restart: the board's watchdog does that.
-    if let Some(stood) = stood {
-        let text = format!(
-            "the station itself stood still for {:.1} s in this attempt, so nothing counts that it missed: {}",
-            stood.as_secs_f64(),
-            with_causes(trouble)
-        );
-        let hint = "keep the computer awake, and do not hold the program; then test again";
-        return (Outcome::Errored, Some(AttemptError { text, hint: hint.into(), again: false }));
-    }
     let outcome = match trouble {
         // The counts include what the line lost, so they say nothing about the module.
         ProcedureError::FramesLost { .. }
@@ -68,7 +58,19 @@ pub(super) fn judge(
         ProcedureError::Spoilt { spoilt: Spoilt::Saturated { .. }, .. } => Outcome::Failed,
         _ => Outcome::Errored,
     };
-    (outcome, Some(AttemptError { text: with_causes(trouble), hint: trouble.try_this().to_owned(), again: false }))
+    // A fault of the module stays one, however the station stood. Where it cannot tell, that it stood still is the first thing to know.
+    let (text, hint) = match stood.filter(|_| outcome == Outcome::Errored) {
+        Some(stood) => (
+            format!(
+                "the station itself stood still for {:.1} s in this attempt, so nothing counts that it missed: {}",
+                stood.as_secs_f64(),
+                with_causes(trouble)
+            ),
+            "keep the computer awake, and do not hold the program; then test again",
+        ),
+        None => (with_causes(trouble), trouble.try_this()),
+    };
+    (outcome, Some(AttemptError { text, hint: hint.to_owned(), again: false }))
 }
 
 /// The doubt about an attempt that fails by its temperatures alone, if a part of its captures is of an earlier run.
@@ -86,4 +88,48 @@ pub(super) fn other_temperature(measured: &[Measurement]) -> Option<ProcedureErr
 /// Whether a value that was measured lies outside its limit.
 fn violates(measured: &[Measurement]) -> bool {
     measured.iter().any(|measurement| measurement.outcome == Some(Outcome::Failed))
+}
+
+#[cfg(test)]
+mod tests {
+    use gnc_executive::plan::Plan;
+    use serde_json::json;
+
+    use super::*;
+
+    /// A station that is held just when a bad module shows itself does not get a second try for it.
+    #[test]
+    fn a_fault_of_the_module_stays_one_if_the_station_stood_still() {
+        let text =
+            b"name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\n[item.limits]\ncore1_register_errors = \"== 0\"\n";
+        let plan = Plan::read("p.toml", text.to_vec(), &mut |name| Err(name.to_owned())).unwrap();
+        let item = &plan.items()[0];
+        let measured = |outcome: &str| {
+            let measurement = json!({
+                "name": "core1_register_errors", "value": 1.0, "unit": null, "low": 0.0, "high": 0.0, "expected": null,
+                "outcome": outcome,
+            });
+            vec![serde_json::from_value::<Measurement>(measurement).unwrap()]
+        };
+        let code = FaultCode::DeviceFault;
+        let fault = BoardError::Fault { what: "the test", code, text: String::new(), elapsed: Duration::ZERO };
+        let restarted = BoardError::Restarted { asked: true, during: "the test".into(), before: 1, after: 2 };
+        let (fault, restarted) = (ProcedureError::Board(fault), ProcedureError::Board(restarted));
+        let ended = ProcedureError::Board(BoardError::SessionEnded { early: None });
+        let stood = Some(Duration::from_secs(5));
+        for (measured, trouble, expected) in [
+            (vec![], &fault, Outcome::Failed),
+            (vec![], &restarted, Outcome::Failed),
+            (measured("failed"), &ended, Outcome::Failed),
+            (measured("passed"), &ended, Outcome::Errored),
+        ] {
+            for stood in [None, stood] {
+                let (outcome, error) = judge(item, &measured, Some(trouble), stood);
+                let said = error.expect("why").text;
+                assert_eq!(outcome, expected, "{said}");
+                let is_said = said.starts_with("the station itself stood still for 5.0 s");
+                assert_eq!(is_said, stood.is_some() && outcome == Outcome::Errored, "{said}");
+            }
+        }
+    }
 }

@@ -8,6 +8,8 @@ use std::fmt;
 use gnc_config::TomlTable;
 use gnc_text::{printable, quoted};
 
+use crate::plan::Plan;
+
 /// What stands before the digits.
 const SCHEME: &str = "sha256:";
 /// Digits of a SHA-256.
@@ -45,6 +47,18 @@ pub enum PinError {
         /// The digest of the plan.
         found: ShortDigest,
     },
+    /// The bench file pins others than the plan requires: a pass by any text under that name would do.
+    #[error(
+        "plan {} requires a pass of {}, and the bench file pins plans but not that one",
+        printable(plan),
+        printable(required)
+    )]
+    RequiredNotPinned {
+        /// Name of the plan.
+        plan: String,
+        /// Name of the plan that it requires.
+        required: String,
+    },
 }
 
 impl PinError {
@@ -56,6 +70,9 @@ impl PinError {
             }
             Self::NotPinned { .. } => {
                 "run a plan of this bench; if this one is released, `gnc-station plan check` prints the line for [plans]"
+            }
+            Self::RequiredNotPinned { .. } => {
+                "pin the required plan too: `gnc-station plan check` prints its line for [plans]"
             }
         }
     }
@@ -94,11 +111,19 @@ impl PinnedPlans {
         self.0.get(plan).map(String::as_str)
     }
 
-    /// Whether the bench runs the plan with this name and this digest.
+    /// Whether the bench runs the plan with this digest. Where plans are pinned, each plan that it requires is, too.
     ///
     /// # Errors
     /// [`PinError`]: it runs others.
-    pub fn check(&self, plan: &str, sha256: &str) -> Result<(), PinError> {
+    pub fn check(&self, plan: &Plan, sha256: &str) -> Result<(), PinError> {
+        self.check_text(&plan.name, sha256)?;
+        let open = plan.requires_plan.iter().find(|required| !self.is_empty() && self.of(required).is_none());
+        open.map_or(Ok(()), |required| {
+            Err(PinError::RequiredNotPinned { plan: plan.name.clone(), required: required.clone() })
+        })
+    }
+
+    fn check_text(&self, plan: &str, sha256: &str) -> Result<(), PinError> {
         let (name, found) = (|| plan.to_owned(), || ShortDigest::of(sha256));
         match self.of(plan) {
             Some(pinned) if pinned == sha256 => Ok(()),
@@ -161,7 +186,7 @@ mod tests {
     }
 
     fn check(pinned: &PinnedPlans, plan: &str, digit: &str) -> Result<(), PinError> {
-        pinned.check(plan, &digit.repeat(64))
+        pinned.check_text(plan, &digit.repeat(64))
     }
 
     #[test]
@@ -178,6 +203,30 @@ mod tests {
         insta::assert_snapshot!(added, @"the bench file pins the plans of this bench, and plan functional is none of them (aaaaaaaaaaaa)");
         assert_eq!(check(&PinnedPlans::default(), "acceptance", "b"), Ok(()), "nothing is pinned");
         assert_eq!(file(""), Ok(PinnedPlans::default()));
+    }
+
+    /// A pass of a plan that nobody pinned may come from any text.
+    #[test]
+    fn a_plan_that_a_pinned_one_requires_is_pinned_too() {
+        let requires = |plans: &str| {
+            let text = format!(
+                "name = \"final\"\nversion = \"1\"\nrequires_plan = [{plans}]\n[[item]]\nid = \"cpu\"\nlimits.core1_register_errors = \"<= 0\"\n"
+            );
+            Plan::read("plan.toml", text.into_bytes(), &mut |_| Err(String::new())).unwrap()
+        };
+        let sha256 = "a".repeat(64);
+        let both =
+            file(&format!("plans = {{ final = \"sha256:{sha256}\", incoming = \"sha256:{sha256}\" }}\n")).unwrap();
+        let alone = file(&format!("plans = {{ final = \"sha256:{sha256}\" }}\n")).unwrap();
+        assert_eq!(both.check(&requires("\"incoming\""), &sha256), Ok(()));
+        assert_eq!(alone.check(&requires(""), &sha256), Ok(()));
+        for pinned in [&both, &alone] {
+            let open = pinned.check(&requires("\"incoming\", \"burn-in\""), &sha256).unwrap_err();
+            assert!(matches!(open, PinError::RequiredNotPinned { .. }), "{open}");
+        }
+        let open = alone.check(&requires("\"incoming\""), &sha256).unwrap_err();
+        insta::assert_snapshot!(open, @"plan final requires a pass of incoming, and the bench file pins plans but not that one");
+        assert_eq!(PinnedPlans::default().check(&requires("\"incoming\""), &sha256), Ok(()), "nothing is pinned");
     }
 
     #[test]

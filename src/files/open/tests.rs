@@ -93,3 +93,75 @@ fn a_named_file_stays_in_its_folder() {
     assert_eq!(why(read("zeros", Reach::Anywhere)), Some(Refused::Device));
     assert_eq!(why(read("pipe", Reach::Folder)), Some(Refused::Pipe));
 }
+
+/// While a thread exchanges a folder for a link that leads out, no read gets what lies outside.
+#[test]
+fn no_exchange_leads_a_named_file_out() {
+    let place = tempfile::tempdir().unwrap();
+    let at = |name: &str| place.path().join(name);
+    for folder in ["plans/sub", "outside"] {
+        fs::create_dir_all(at(folder)).unwrap();
+    }
+    fs::write(at("plans/sub/file"), "inside").unwrap();
+    fs::write(at("outside/file"), "outside").unwrap();
+    symlink("../outside", at("plans/link")).unwrap();
+    let over = std::sync::atomic::AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !over.load(std::sync::atomic::Ordering::Relaxed) {
+                for (from, to) in [("sub", "away"), ("link", "sub"), ("sub", "link"), ("away", "sub")] {
+                    fs::rename(at("plans").join(from), at("plans").join(to)).unwrap();
+                }
+            }
+        });
+        let mut reads = 0;
+        let wrong = (0..40_000).find_map(|_| {
+            let read = named_beginning(&at("plans"), &at("plans/sub/file"), Reach::Folder, 99).ok()?;
+            reads += 1;
+            (read != b"inside").then_some(read)
+        });
+        over.store(true, std::sync::atomic::Ordering::Relaxed);
+        assert_eq!(wrong, None);
+        assert!(reads > 0, "the file was there in between");
+    });
+}
+
+/// A file server lends a file to a program elsewhere (an oplock, a delegation); it comes back when it is asked for.
+#[test]
+fn a_file_on_loan_is_read_when_it_is_given_back() {
+    use std::io::{BufRead as _, BufReader, Write as _};
+    use std::process::{Command, Stdio};
+    // The other program gives the file back at the signal of the kernel.
+    const HOLDER: &str = "import fcntl, os, signal, sys\n\
+        held = os.open(sys.argv[1], os.O_RDWR)\n\
+        signal.signal(signal.SIGIO, lambda *_: fcntl.fcntl(held, fcntl.F_SETLEASE, fcntl.F_UNLCK))\n\
+        fcntl.fcntl(held, fcntl.F_SETLEASE, fcntl.F_WRLCK)\n\
+        print('held', flush=True)\n\
+        sys.stdin.read()\n";
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("file");
+    let reads: [fn(&Path) -> io::Result<Vec<u8>>; 3] = [
+        |path| read(path, 99),
+        |path| read_below(path.parent().unwrap(), Path::new("file"), 99),
+        |path| {
+            crate::append(path)?.write_all(b"!")?;
+            read(path, 99)
+        },
+    ];
+    for (read, expected) in reads.into_iter().zip(["content", "content", "content!"]) {
+        fs::write(&path, "content").unwrap();
+        let mut holder = Command::new("python3")
+            .args(["-c", HOLDER])
+            .arg(&path)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("python3");
+        let mut said = String::new();
+        BufReader::new(holder.stdout.take().unwrap()).read_line(&mut said).unwrap();
+        assert_eq!(said, "held\n");
+        assert_eq!(read(&path).unwrap(), expected.as_bytes());
+        drop(holder.stdin.take());
+        assert!(holder.wait().unwrap().success());
+    }
+}

@@ -28,7 +28,7 @@ pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError
 #[must_use]
 pub fn goes_on(run: &Path) -> bool {
     // A journal without a byte may be one that its station is about to lock: this look must not take the lock from it.
-    let journal = File::open(run.join(JOURNAL)).ok();
+    let journal = gnc_files::own(&run.join(JOURNAL)).ok();
     let journal = journal.filter(|journal| journal.metadata().is_ok_and(|meta| meta.len() > 0));
     [File::open(run).ok(), journal].into_iter().flatten().any(is_held)
 }

@@ -15,8 +15,16 @@ use gnc_executive::state::RunState;
 use super::chain::{self, Before, LateClose, Scribe};
 use super::closing;
 use super::reader::MAX_RECORD_BYTES;
-use super::recovery::{Sealer, Until};
+use super::recovery::{Sealer, Until, may_close, unlike_signature};
 use super::{DIGESTS, ITEM, JOURNAL, RECORD, RunFolder, StoreError, cut_off, item_folder, on, reader};
+
+/// What a start does about a run that ended.
+pub(super) enum Closed {
+    /// It has closed the run late.
+    Late(String),
+    /// The run stays as it is; says why.
+    Open(String),
+}
 
 /// Closes those of the ended runs that a sudden end of this station left, and returns what was done with each. `before` is
 /// the chain before this start wrote into it, and `others` the number of all runs that are closed or ended.
@@ -27,13 +35,13 @@ pub(super) fn close(
     others: usize,
     sealer: &Sealer<'_>,
     until: &mut Until,
-) -> Vec<(PathBuf, Result<String, StoreError>)> {
+) -> Vec<(PathBuf, Result<Closed, StoreError>)> {
     // Only the first run of a folder can miss a chain without any line. If there are more, the chain was lost.
     if before.is_new() && others > 1 {
         return Vec::new();
     }
     let left = ended.into_iter().filter(|run| before.may_lack(records, run)).filter(|_| until.has_time());
-    let done = left.filter_map(|run| match close_one(records, &run, sealer) {
+    let done = left.filter_map(|run| match close_one(records, &run, before, sealer) {
         Ok(what) => what.map(|what| (run, Ok(what))),
         Err(error) => Some((run, Err(error))),
     });
@@ -41,7 +49,7 @@ pub(super) fn close(
 }
 
 /// Closes a run. `None`: the run goes on, is of another station, or its files are not what its journal says.
-fn close_one(records: &Path, run: &Path, sealer: &Sealer<'_>) -> Result<Option<String>, StoreError> {
+fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -> Result<Option<Closed>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = closing::hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(None) };
     // Another station may have closed it meanwhile.
@@ -51,12 +59,19 @@ fn close_one(records: &Path, run: &Path, sealer: &Sealer<'_>) -> Result<Option<S
     let Ok(state) = reader::fold(run) else { return Ok(None) };
     let record = RunRecord::from_state(&state).filter(|record| !record.interrupted);
     let Some(record) = record.filter(|record| record.station == sealer.station) else { return Ok(None) };
+    let is_signed = match may_close(records, run, &state, before, sealer)? {
+        Ok(began) => began.is_some_and(|began| began.is_signed()),
+        Err(why) => return Ok(Some(Closed::Open(why))),
+    };
     let late = LateClose::new(sealer.at, &format!("{}-{}", sealer.program.name, sealer.program.version));
     let by = Scribe { late: Some(&late), ..sealer.scribe() };
     let digests = run.join(DIGESTS);
     if digests.exists() {
         if !reader::verify(run).is_empty() {
             return Ok(None);
+        }
+        if let Some(why) = unlike_signature(run, is_signed, sealer.key) {
+            return Ok(Some(Closed::Open(why)));
         }
         // The papers say that the run was closed in time. All but the journal and the samples is made again.
         closing::remove(&digests)?;
@@ -71,10 +86,10 @@ fn close_one(records: &Path, run: &Path, sealer: &Sealer<'_>) -> Result<Option<S
     closing::close(&folder, Some(&record), &cut_off, &by, Some(&began))?;
     let ended = record.finished.map_or_else(String::new, |at| format!(" at {}", at.format("%F %T")));
     let serial_number = gnc_text::printable(&record.serial_number);
-    Ok(Some(format!(
+    Ok(Some(Closed::Late(format!(
         "ended{ended}, and its station ended before the run was in the chain; it is closed late now and never counts as a pass; \
          test {serial_number} again"
-    )))
+    ))))
 }
 
 /// Whether the record for programs is whole and says something else than the journal: no power cut does that.

@@ -1,6 +1,6 @@
 //! Reads records back. The journal is authoritative; files made from it are compared with it.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufRead, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
@@ -483,7 +483,7 @@ pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
 /// A journal that is read line by line: a long one would take as much memory as its file.
 fn open_journal(path: &Path) -> Result<impl BufRead + use<>, ReadError> {
     let cannot = |source: io::Error| ReadError::File { path: path.to_owned(), source };
-    let file = File::open(path).map_err(cannot)?;
+    let file = gnc_files::own(path).map_err(cannot)?;
     if file.metadata().map_err(cannot)?.len() > MAX_JOURNAL_BYTES {
         return Err(ReadError::TooLong { path: path.to_owned() });
     }
@@ -622,4 +622,36 @@ fn folders(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {
     }
     found.sort();
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    /// A pipe, an endless device or a link in the place of each file of a run: each look ends, and none follows.
+    #[test]
+    fn what_is_no_file_ends_each_look() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = folder.path().join("2026-11-28/SN/120000-functional");
+        for name in [JOURNAL, RECORD, DIGESTS, SIGNATURE, "plan/01-plan.toml", crate::report::REPORT] {
+            for kind in ["pipe", "zeros", "link"] {
+                fs::create_dir_all(run.join(PLAN)).unwrap();
+                fs::write(run.join(JOURNAL), "{}\n").unwrap();
+                fs::write(run.join(DIGESTS), "").unwrap();
+                let path = run.join(name);
+                let _ = fs::remove_file(&path);
+                match kind {
+                    "pipe" => nix::unistd::mkfifo(&path, nix::sys::stat::Mode::S_IRWXU).unwrap(),
+                    "zeros" => symlink("/dev/zero", &path).unwrap(),
+                    _ => symlink("../../../elsewhere", &path).unwrap(),
+                }
+                let looks = (goes_on(&run), found(run.clone()).state(), fold(&run).is_err(), check(&run).problems);
+                assert!(!looks.3.is_empty() && looks.2, "{name} is a {kind}: {looks:?}");
+                assert!(plan(&run).is_err() && paper(&run, crate::report::REPORT).is_err(), "{name} is a {kind}");
+                fs::remove_dir_all(&run).unwrap();
+            }
+        }
+    }
 }

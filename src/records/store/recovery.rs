@@ -7,16 +7,17 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use chrono::{DateTime, FixedOffset};
-use gnc_executive::event::ProgramVersion;
+use gnc_executive::event::{BenchKind, ProgramVersion};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 use nix::fcntl::{Flock, FlockArg};
 
 use super::begun::was_never_begun;
-use super::chain::{self, Before, Scribe};
+use super::chain::{self, Before, Beginning, Begun, Scribe, SignedBy};
 use super::closing::{clear_away, close, hold};
 use super::cut_off::{self, CutOffFile};
-use super::{DIGESTS, JOURNAL, RunFolder, StationKey, StoreError, late, reader};
+use super::late::{self, Closed};
+use super::{DIGESTS, JOURNAL, RunFolder, SIGNATURE, StationKey, StoreError, reader};
 use super::{folder, on};
 
 /// Number of newest runs that are searched for interrupted ones: a station that died starts again before a thousand
@@ -49,8 +50,10 @@ impl Until {
 /// Who closes what an earlier start left behind, and when.
 #[derive(Debug, Clone, Copy)]
 pub struct Sealer<'a> {
-    /// The station. It closes late only what a station of this name left.
+    /// The station. It closes only what a station of this name left.
     pub station: &'a str,
+    /// Its bench. What was left on a simulated bench is closed from one, and the same of the others.
+    pub kind: BenchKind,
     /// The program.
     pub program: &'a ProgramVersion,
     /// The time by the clock of the computer.
@@ -111,12 +114,15 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     let mut until = Until::new(time);
     let mut ended = Vec::new();
     for run in unknown {
-        match put_into_chain(records, &run, &sealer.scribe()) {
+        match put_into_chain(records, &run, &before, sealer) {
             Ok(Left::Sealed(())) => lines.push(format!(
                 "{} was interrupted while the station sealed it; the sealing is complete now",
                 name(&run)
             )),
             Ok(Left::Ended) => ended.push(run),
+            Ok(Left::Open(why)) => {
+                lines.push(format!("{} was interrupted while the station sealed it and {why}", name(&run)));
+            }
             Ok(Left::Alone) => {}
             Err(error) => {
                 lines.push(format!(
@@ -128,9 +134,10 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
         }
     }
     for run in open.into_iter().filter(|_| until.has_time()) {
-        match seal(&run, &sealer.scribe()) {
+        match seal(records, &run, &before, sealer) {
             Ok(Left::Sealed(what)) => lines.push(format!("{} {what}", name(&run))),
             Ok(Left::Ended) => ended.push(run),
+            Ok(Left::Open(why)) => lines.push(format!("{} was interrupted and {why}", name(&run))),
             Ok(Left::Alone) => {}
             Err(error) => lines.push(format!("{} was interrupted and {}", name(&run), cannot(&error))),
         }
@@ -138,7 +145,8 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     let others = sealed_before + ended.iter().filter(|run| !reader::is_sealed(run)).count();
     for (run, closed) in late::close(records, ended, &before, others, sealer, &mut until) {
         match closed {
-            Ok(what) => lines.push(format!("{} {what}", name(&run))),
+            Ok(Closed::Late(what)) => lines.push(format!("{} {what}", name(&run))),
+            Ok(Closed::Open(why)) => lines.push(format!("{} ended, was not closed and {why}", name(&run))),
             Err(error) => lines.push(format!("{} ended, was not closed and {}", name(&run), cannot(&error))),
         }
     }
@@ -176,13 +184,15 @@ enum Left<T> {
     Sealed(T),
     /// The run has an end, so it can only be closed late.
     Ended,
+    /// The run stays as it is; says why.
+    Open(String),
     /// The run goes on, is sealed by another station, or cannot be read.
     Alone,
 }
 
 /// Appends a sealed run to the chain if a kill came between its digests and the chain. A run that ended is not appended
 /// here: it may have been inserted later.
-fn put_into_chain(records: &Path, run: &Path, by: &Scribe<'_>) -> Result<Left<()>, StoreError> {
+fn put_into_chain(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<Left<()>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
     let Some(state) = reader::fold(run).ok().filter(|state| state.header().is_some()) else { return Ok(Left::Alone) };
@@ -194,14 +204,23 @@ fn put_into_chain(records: &Path, run: &Path, by: &Scribe<'_>) -> Result<Left<()
     if !is_unknown || !reader::verify(run).is_empty() {
         return Ok(Left::Alone);
     }
+    let is_signed = match may_close(records, run, &state, before, by)? {
+        Ok(began) => began.is_some_and(|began| began.is_signed()),
+        Err(why) => return Ok(Left::Open(why)),
+    };
+    if let Some(why) = unlike_signature(run, is_signed, by.key) {
+        return Ok(Left::Open(why));
+    }
+    // Digests that were not signed when they were made stay so, and their line too.
+    let scribe = Scribe { key: by.key.filter(|_| reader::is_signed(run)), ..by.scribe() };
     // An earlier version wrote no line when the run began.
-    chain::begin(run, by)?;
-    chain::append_as(run, by)?;
+    chain::begin(run, &scribe)?;
+    chain::append_as(run, &scribe)?;
     Ok(Left::Sealed(()))
 }
 
 /// Seals a run without an end.
-fn seal(run: &Path, by: &Scribe<'_>) -> Result<Left<String>, StoreError> {
+fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<Left<String>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(File::open(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
     // Another station may have sealed it meanwhile.
@@ -210,12 +229,65 @@ fn seal(run: &Path, by: &Scribe<'_>) -> Result<Left<String>, StoreError> {
     if !record.interrupted {
         return Ok(Left::Ended);
     }
+    if let Err(why) = may_close(records, run, &state, before, by)? {
+        return Ok(Left::Open(why));
+    }
     clear_away(run)?;
     let folder = RunFolder::existing(run).signed_with(by.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
-    let began = chain::begin(run, by)?;
-    close(&folder, Some(&record), &cut_off, by, Some(&began))?;
+    let began = chain::begin(run, &by.scribe())?;
+    close(&folder, Some(&record), &cut_off, &by.scribe(), Some(&began))?;
     Ok(Left::Sealed(in_words(&state, &record, &cut_off)))
+}
+
+/// Whether a start may close a run that an earlier one left, and the line of its beginning; or why it may not. An earlier
+/// version wrote no such line, and a run that was cut off before it holds no test.
+pub(super) fn may_close(
+    records: &Path,
+    run: &Path,
+    state: &RunState,
+    before: &Before,
+    by: &Sealer<'_>,
+) -> Result<Result<Option<Begun>, String>, StoreError> {
+    let Some(header) = state.header() else { return Ok(Ok(None)) };
+    let station = gnc_text::printable(&header.station);
+    if header.station != by.station {
+        return Ok(Err(format!("is left to the station {station}: its next start goes on")));
+    }
+    match (header.bench.kind == BenchKind::Simulated, by.kind == BenchKind::Simulated) {
+        (true, false) => return Ok(Err("is left to the next start of its station with a simulated bench".to_owned())),
+        (false, true) => {
+            return Ok(Err("is left to the next start of its station with a bench that is not simulated".to_owned()));
+        }
+        _ => {}
+    }
+    Ok(match before.beginnings().of(records, run)? {
+        Beginning::NeverWritten => Ok(None),
+        Beginning::Missing if chain::has_one_event(run)? => Ok(None),
+        Beginning::Missing => {
+            Err("is left as it is: no line of the chain says that it began, so a person may have put it there"
+                .to_owned())
+        }
+        Beginning::Written(begun) => match begun.signed_by(by.key) {
+            SignedBy::This => Ok(Some(begun)),
+            SignedBy::Other => {
+                Err(format!("is left to the station {station} with the key that signed the line of its beginning"))
+            }
+            SignedBy::None => {
+                Err("is left as it is: the line of its beginning is not signed, and earlier ones are".to_owned())
+            }
+        },
+    })
+}
+
+/// Why a run with digests is left: its station would have signed them, or another key did.
+pub(super) fn unlike_signature(run: &Path, is_signed: bool, key: Option<&StationKey>) -> Option<String> {
+    let public: Vec<_> = key.map(StationKey::public).into_iter().collect();
+    let is_like = match (reader::is_signed(run), key) {
+        (true, Some(_)) => reader::verify_signature(run, &public).is_none(),
+        (has_signature, _) => has_signature == is_signed && !has_signature,
+    };
+    (!is_like).then(|| format!("is left as it is: {SIGNATURE} is missing, or is not of the key of this start"))
 }
 
 fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> String {

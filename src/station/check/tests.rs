@@ -57,7 +57,8 @@ fn own_lines(said: &str) -> String {
 fn speaks_all(plan: &Path, bench: Option<BenchAbilities>, part: Option<&PartName>) -> String {
     // With the plans beside it, which it may include.
     let beside = plan.parent().and_then(|folder| fs::read_dir(folder).ok()).into_iter().flatten().flatten();
-    let read = beside.filter_map(|file| {
+    let plans = beside.filter(|file| file.path().extension().is_some_and(|end| end == "toml"));
+    let read = plans.filter_map(|file| {
         let bytes = fs::read(file.path()).ok()?;
         Some(format!("{}\n{}\n", file.path().display(), String::from_utf8_lossy(&bytes)))
     });

@@ -192,7 +192,7 @@ fn for_people<W: Write>(
         ))?;
     }
     for (plan, digests) in plans.of_several_texts() {
-        let (name, version) = (printable(&plan.0), printable(&plan.1));
+        let (name, version) = (gnc_text::exact(&plan.0), gnc_text::exact(&plan.1));
         for (digest, runs) in digests {
             let digest = ShortDigest::of(digest);
             out.try_say(format_args!("plan {name} {version} is not one text in this list: {digest} in {runs} runs"))?;

@@ -100,8 +100,9 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     // The whole chain is told behind the runs.
     let chain = match &all {
         Some(place) => {
-            let (checked, book) = verify_against(&place.path, against).map_err(|error| store_refusal(&error))?;
+            // Runs are looked up by their whole paths.
             let path = std::path::absolute(&place.path).unwrap_or_else(|_| place.path.clone());
+            let (checked, book) = verify_against(&path, against).map_err(|error| store_refusal(&error))?;
             books.book = Some((path, book));
             Some(checked)
         }

@@ -262,7 +262,10 @@ fn a_clock_that_is_set_back_is_a_note() {
 fn a_key_that_came_later_is_a_note() {
     let shelf = Shelf::before_the_key();
     assert_eq!(shelf.found(true, &[]), Vec::<String>::new());
-    assert_eq!(shelf.notes(), ["lines 1 to 4 of the chain are not signed: there was no key yet"]);
+    assert_eq!(
+        shelf.notes(),
+        ["lines 1 to 4 of the chain are not signed: there was no key yet, or the signatures were taken away"]
+    );
     // A later one without a signature is found.
     shelf.run_without_key("2026-11-22T16:00:00+08:00", "A", "passed");
     insta::assert_snapshot!("key_lost", shelf.found(true, &[]).join("\n"));

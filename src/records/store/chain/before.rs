@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
+use super::beginning::Beginnings;
 use super::entry::ChainEntry;
 use super::read::{DayChain, chain_of, chains, counter, name_in};
 use crate::store::StoreError;
@@ -38,6 +39,7 @@ pub(in crate::store) struct Before {
     is_whole: bool,
     /// Whether nothing was ever counted in this folder.
     is_new: bool,
+    beginnings: Beginnings,
 }
 
 impl Before {
@@ -51,12 +53,19 @@ impl Before {
         let first = first.map(|(day, time)| (day.to_owned(), time.to_owned()));
         let is_whole = counted.as_ref().is_none_or(|counted| last >= counted.number);
         let is_new = counted.is_none() && links.is_empty();
+        let beginnings = Beginnings::among(&links);
         Ok(Self {
             known: links.into_iter().filter(ChainEntry::is_close).map(|link| link.run).collect(),
             first,
             is_whole,
             is_new,
+            beginnings,
         })
+    }
+
+    /// The lines of all beginnings.
+    pub(in crate::store) fn beginnings(&self) -> &Beginnings {
+        &self.beginnings
     }
 
     /// Whether nothing was ever counted in this folder: the run that ended is its first one, or the whole chain was lost.

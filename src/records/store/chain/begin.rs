@@ -67,6 +67,16 @@ pub(super) fn of_first_line(records: &Path, run: &Path) -> Result<String, StoreE
     first_line(records, run).map(|line| digest::of_bytes(&line))
 }
 
+/// Whether the journal of a run ends with its first line: the run was cut off before it tested anything.
+///
+/// # Errors
+/// The journal cannot be read.
+pub(crate) fn has_one_event(run: &Path) -> Result<bool, StoreError> {
+    let path = run.join(JOURNAL);
+    let length = on(gnc_files::own(&path).and_then(|file| file.metadata()), "read", &path)?.len();
+    Ok(length == first_line(run, run)?.len() as u64)
+}
+
 /// The first line of a run's journal, with its end.
 pub(super) fn first_line(records: &Path, run: &Path) -> Result<Vec<u8>, StoreError> {
     let path = run.join(JOURNAL);

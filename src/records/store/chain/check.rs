@@ -94,7 +94,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     book.counter(&mut checked);
     checked.problems.extend(book.unlike(against.heads));
     times::check(&book, &mut checked.notes);
-    signed::check(&book, against.keys, &mut checked);
+    signed::check(&book, against, &mut checked);
     Ok((checked, book))
 }
 

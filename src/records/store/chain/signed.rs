@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::begin;
-use super::check::{ChainBook, ChainCheck};
+use super::check::{Against, ChainBook, ChainCheck};
 use super::entry::ChainEntry;
 use crate::store::PublicKey;
 
@@ -12,18 +12,21 @@ fn since(book: &ChainBook) -> Option<u64> {
     book.lines.iter().find(|line| line.signature.is_some()).map(|line| line.number)
 }
 
-pub(super) fn check(book: &ChainBook, keys: &[PublicKey], checked: &mut ChainCheck) {
+pub(super) fn check(book: &ChainBook, against: &Against<'_>, checked: &mut ChainCheck) {
+    let keys = against.keys;
     if keys.is_empty() || book.lines.is_empty() {
         return;
     }
     let all: Vec<&ChainEntry> = book.lines.iter().collect();
     let Some(since) = since(book) else {
-        checked.problems.push(NONE_IS_SIGNED.to_owned());
+        // What was kept elsewhere tells whether it is the chain that was written; that is compared apart.
+        let told = if against.heads.is_empty() { &mut checked.problems } else { &mut checked.notes };
+        told.push(NONE_IS_SIGNED.to_owned());
         return;
     };
     if let (Some(first), true) = (all.first(), all.first().is_some_and(|first| first.number < since)) {
         checked.notes.push(format!(
-            "lines {} to {} of the chain are not signed: there was no key yet",
+            "lines {} to {} of the chain are not signed: there was no key yet, or the signatures were taken away",
             first.number,
             since.saturating_sub(1)
         ));
@@ -37,7 +40,7 @@ pub(super) fn check(book: &ChainBook, keys: &[PublicKey], checked: &mut ChainChe
 }
 
 /// What is said if there is no signature at all.
-const NONE_IS_SIGNED: &str = "no line of the chain is signed";
+const NONE_IS_SIGNED: &str = "no line of the chain is signed: a version before that wrote them all, there was no key, or the chain was made anew";
 
 /// Checks some of the lines, and returns the number of those that have no signature since their bench is simulated.
 pub(super) fn check_lines(
@@ -76,7 +79,7 @@ pub(super) fn check_lines(
 pub(super) fn why_unsigned(book: &ChainBook, run: &str) -> Option<&'static str> {
     let line = book.close_of(run).filter(|line| line.signature.is_none())?;
     match since(book) {
-        Some(since) if line.number < since => Some("not signed: there was no key yet"),
+        Some(since) if line.number < since => Some("not signed: there was no key yet, or the signature was taken away"),
         Some(_) if is_simulated(book, line) => Some("not signed: a simulated bench has no key"),
         _ => None,
     }

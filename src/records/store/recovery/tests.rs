@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::*;
+use crate::resume::{Like, Resumed};
 use crate::store::chain::{CHAIN, ChainStanding, LateCloses, standing, verify};
 use crate::store::closing;
 use crate::store::reader::Found;
@@ -46,6 +47,13 @@ impl Shelf {
         run
     }
 
+    /// A run of so many events that began by the chain.
+    fn begun(&self, serial_number: &str, events: usize, key: Option<&StationKey>) -> PathBuf {
+        let run = self.run(serial_number, events);
+        chain::begin(&run, &Scribe { station: STATION, at: at(), key, late: None }).unwrap();
+        run
+    }
+
     fn close(&self, run: &Path) -> Result<(), StoreError> {
         let record = RunRecord::from_state(&reader::fold(run).unwrap());
         let by = Scribe { station: STATION, at: at(), key: None, late: None };
@@ -53,9 +61,26 @@ impl Shelf {
         closing::close(&RunFolder::existing(run), record.as_ref(), &[], &by, Some(&began))
     }
 
+    /// A journal without an end goes on behind the first event.
+    fn cut(&self, run: &Path) {
+        let journal = fs::read_to_string(run.join(JOURNAL)).unwrap();
+        let first = journal.split_inclusive('\n').next().unwrap();
+        let found = json!({ "seq": 1, "at": at(), "elapsed_us": 3, "kind": "prompted", "item": null, "text": "x" });
+        fs::write(run.join(JOURNAL), format!("{first}{found}\n")).unwrap();
+    }
+
+    fn start_by(&self, station: &str, kind: BenchKind, key: Option<&StationKey>) -> Vec<String> {
+        let program = ProgramVersion { name: "gnc-station".to_owned(), version: "1.3".to_owned(), build: None };
+        seal_within(self.path(), &Sealer { station, program: &program, kind, at: at(), key }, SEAL_FOR)
+    }
+
     fn start_within(&self, time: Duration) -> Vec<String> {
         let program = ProgramVersion { name: "gnc-station".to_owned(), version: "1.3".to_owned(), build: None };
-        seal_within(self.path(), &Sealer { station: STATION, program: &program, at: at(), key: None }, time)
+        seal_within(
+            self.path(),
+            &Sealer { station: STATION, program: &program, kind: BenchKind::Real, at: at(), key: None },
+            time,
+        )
     }
 
     fn start(&self) -> Vec<String> {
@@ -200,7 +225,7 @@ fn a_start_does_not_take_for_ever() {
     let shelf = Shelf::new();
     shelf.close(&shelf.run("SN-0", 2)).unwrap();
     for run in 1..=3 {
-        shelf.run(&format!("SN-{run}"), run % 2 + 1);
+        shelf.begun(&format!("SN-{run}"), run % 2 + 1, None);
     }
     let said = shelf.start_within(Duration::ZERO);
     assert_eq!(
@@ -211,4 +236,131 @@ fn a_start_does_not_take_for_ever() {
     );
     assert_eq!(shelf.start().len(), 3);
     shelf.is_whole(4);
+}
+
+fn key(seed: &str) -> (tempfile::TempDir, StationKey) {
+    let folder = tempfile::tempdir().unwrap();
+    StationKey::create(&folder.path().join(seed)).unwrap();
+    let key = StationKey::read(&folder.path().join(seed)).unwrap();
+    (folder, key)
+}
+
+const PUT_THERE: &str = "is left as it is: no line of the chain says that it began, so a person may have put it there";
+
+/// A start never makes a run of the station of a folder that was put there, whatever is missing in it.
+#[test]
+fn a_run_that_no_line_began_is_left_as_it_is() {
+    let (_folder, key) = key("own");
+    for key in [None, Some(&key)] {
+        let shelf = Shelf::new();
+        shelf.begun("SN-0", 1, key);
+        assert_eq!(shelf.start_by(STATION, BenchKind::Real, key).len(), 1);
+        let planted = shelf.run("SN-1", 1);
+        shelf.cut(&planted);
+        let ended = shelf.run("SN-2", 2);
+        let other = shelf.begun("SN-3", 1, key);
+        let first = fs::read_to_string(other.join(JOURNAL)).unwrap().replace("SN-3", "SN-4");
+        fs::write(other.join(JOURNAL), first).unwrap();
+        shelf.cut(&other);
+        let chain = fs::read(shelf.path().join(DAY).join(CHAIN)).unwrap();
+        let mut said = shelf.start_by(STATION, BenchKind::Real, key);
+        said.sort();
+        let said_of = |number: u32, how: &str| format!("{DAY}/SN-{number}/143000-functional {how} {PUT_THERE}");
+        assert_eq!(
+            said,
+            [
+                said_of(1, "was interrupted and"),
+                said_of(2, "ended, was not closed and"),
+                said_of(3, "was interrupted and")
+            ]
+        );
+        // With digests made by the person, too.
+        let sealed = |run: &Path| {
+            let record = RunRecord::from_state(&reader::fold(run).unwrap()).unwrap();
+            fs::write(run.join(crate::store::LOG), "").unwrap();
+            RunFolder::existing(run).put("run.json", |out| closing::pretty(out, &record)).unwrap();
+            let mut sums = crate::store::digest::FileDigests::default();
+            sums.add_new(run).unwrap();
+            fs::write(run.join(DIGESTS), sums.text()).unwrap();
+            assert_eq!(reader::verify(run), Vec::<String>::new());
+        };
+        sealed(&planted);
+        sealed(&ended);
+        let said = shelf.start_by(STATION, BenchKind::Real, key);
+        assert!(said.len() == 3 && said.iter().all(|line| line.ends_with(PUT_THERE)), "{said:?}");
+        assert_eq!(fs::read(shelf.path().join(DAY).join(CHAIN)).unwrap(), chain);
+    }
+}
+
+/// Only the station that carried a run out closes it, on its kind of bench, and with its key.
+#[test]
+fn a_run_is_left_to_its_station_its_bench_and_its_key() {
+    let ((_own, own), (_other, other)) = (key("own"), key("other"));
+    let shelf = Shelf::new();
+    let run = shelf.begun("SN-1", 1, Some(&own));
+    shelf.cut(&run);
+    let files = names(&run);
+    for (station, kind, key, why) in [
+        ("bench 2", BenchKind::Real, Some(&own), "is left to the station bench 1: its next start goes on"),
+        (
+            STATION,
+            BenchKind::Simulated,
+            None,
+            "is left to the next start of its station with a bench that is not simulated",
+        ),
+        (
+            STATION,
+            BenchKind::Real,
+            None,
+            "is left to the station bench 1 with the key that signed the line of its beginning",
+        ),
+        (
+            STATION,
+            BenchKind::Unproven,
+            Some(&other),
+            "is left to the station bench 1 with the key that signed the line of its beginning",
+        ),
+    ] {
+        let said = shelf.start_by(station, kind, key);
+        assert_eq!(said, [format!("{DAY}/SN-1/143000-functional was interrupted and {why}")]);
+        assert_eq!(names(&run), files);
+    }
+    // A line without a signature behind signed ones is not of this station.
+    let forged = shelf.begun("SN-2", 1, None);
+    shelf.cut(&forged);
+    let said = shelf.start_by(STATION, BenchKind::Real, Some(&own));
+    assert!(said.iter().any(|line| line.contains("SN-1") && line.contains("it is sealed as interrupted")), "{said:?}");
+    let why = "is left as it is: the line of its beginning is not signed, and earlier ones are";
+    assert!(said.contains(&format!("{DAY}/SN-2/143000-functional was interrupted and {why}")), "{said:?}");
+    let is_signed = reader::verify_signature(&run, &[own.public()]).is_none();
+    assert!(is_signed && standing(&run).unwrap() == ChainStanding::Held);
+}
+
+/// Captures are taken over only from a run that the chain began, and where there is a key, that the station signed.
+#[test]
+fn only_a_run_that_the_chain_began_is_resumed() {
+    let (_own, own) = key("own");
+    let shelf = Shelf::new();
+    let old = shelf.run("SN-9", 1);
+    shelf.cut(&old);
+    let why = |run: &Path, key| {
+        let header = reader::fold(run).unwrap().header().unwrap().clone();
+        let like = Like::header(&header, 7, at()).with_key(key);
+        Resumed::read(run, like).err().map(|error| error.to_string())
+    };
+    assert_eq!(why(&old, Some(&own)), None, "an earlier version wrote no line of a beginning");
+    let signed = shelf.begun("SN-1", 1, Some(&own));
+    let unsigned = shelf.begun("SN-2", 1, None);
+    let planted = shelf.run("SN-3", 1);
+    [&signed, &unsigned, &planted].into_iter().for_each(|run| shelf.cut(run));
+    let changed = |what: &str| Some(format!("the run to resume fails its verification: {what}"));
+    let not_begun = changed("no line of the chain says that it began");
+    assert_eq!([why(&signed, Some(&own)), why(&signed, None), why(&unsigned, None)], [None, None, None]);
+    assert_eq!(
+        why(&unsigned, Some(&own)),
+        changed("the line of its beginning is not signed with the key of this station")
+    );
+    assert_eq!([why(&planted, None), why(&planted, Some(&own))], [not_begun.clone(), not_begun.clone()]);
+    assert_eq!(shelf.start_by(STATION, BenchKind::Real, Some(&own)).len(), 4);
+    assert_eq!([why(&signed, Some(&own)), why(&planted, Some(&own))], [None, not_begun]);
 }

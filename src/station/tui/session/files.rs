@@ -126,7 +126,7 @@ fn plan_view(
     pinned: &PinnedPlans,
 ) -> Result<(HeldPlan, PlanView), CommandRefusal> {
     let checked = files::plan(path, reach)?;
-    let refused = pinned.check(&checked.plan().name, checked.sha256());
+    let refused = pinned.check(checked.plan(), checked.sha256());
     refused.map_err(|error| CommandRefusal::new(&error, error.try_this()))?;
     let is_pinned = !pinned.is_empty();
     let plan = checked.plan();

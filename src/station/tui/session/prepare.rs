@@ -104,6 +104,8 @@ impl Look {
             selection: self.selection.as_deref(),
             valid_days,
             now,
+            // The start checks it.
+            key: None,
         })
     }
 }

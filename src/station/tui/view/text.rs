@@ -175,7 +175,7 @@ mod tests {
     fn text_from_outside_keeps_its_width() {
         assert_eq!(shown("SN-1 模块 Модуль é µ"), "SN-1 模块 Модуль é µ");
         assert_eq!(shown("a\u{1b}[2J"), "a\\u{1b}[2J");
-        assert_eq!(shown("e\u{301} \u{5d0} 👩‍🚀"), "e? ? ?\\u{200d}?");
+        assert_eq!(shown("e\u{301} \u{5d0} 👩‍🚀"), "e? ? ???");
     }
 
     #[test]
