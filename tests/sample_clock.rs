@@ -8,7 +8,7 @@ use std::path::Path;
 
 use gnc_analysis::capture::{Capture, HostView};
 use gnc_records::raw::{self, Piece, RawWriter};
-use gnc_tests::{Place, Run, read_json};
+use gnc_tests::{Place, Run, older, read_json};
 use serde_json::Value;
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");

@@ -1,5 +1,6 @@
 //! Reads records back. The journal is authoritative; files made from it are compared with it.
 
+use std::collections::HashMap;
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read as _};
 use std::path::{Path, PathBuf};
@@ -576,8 +577,9 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let folded = |file: &Path| folded::fold(&file.to_string_lossy());
     let mut renamed = None;
     if added.len() == promised.len() {
+        let by_folded: HashMap<String, &PathBuf> = added.iter().map(|added| (folded(added), added)).collect();
         let is_copy = |file: &PathBuf, digest: &String| {
-            let copy = added.iter().find(|added| folded(added) == folded(file))?;
+            let copy = *by_folded.get(&folded(file))?;
             digest::of_file(&folder.join(copy))
                 .is_ok_and(|found| found == *digest)
                 .then(|| (file.clone(), copy.clone()))

@@ -361,6 +361,33 @@ fn an_emptied_run_is_not_one_that_never_began() {
     assert_eq!(of("2026-11-22/A/170000-functional"), None);
 }
 
+/// A station is updated at noon: the runs of that morning have no lines, and are no finding of an update. With a key they are, since
+/// nothing but a line tells when a run was made.
+#[test]
+fn runs_from_before_the_chain_are_a_note() {
+    let shelf = Shelf::new();
+    shelf.remove("2026-11-21/CHAIN");
+    shelf.remove("2026-11-21/A");
+    for file in ["2026-11-22/CHAIN", "COUNTER"] {
+        shelf.remove(file);
+    }
+    shelf.run("2026-11-22T16:00:00+08:00", "C", "passed");
+    let checked = super::verify(shelf.path()).unwrap();
+    assert_eq!(checked.problems, Vec::<String>::new());
+    assert_eq!(
+        checked.notes,
+        [
+            "3 closed runs are older than the first line of the chain, so nothing shows when they were added; the first is 2026-11-21/B/110000-functional"
+        ]
+    );
+    let found = shelf.found(true, &[]);
+    assert!(found.len() == 3 && found.iter().all(|found| found.contains("is older than its first line")), "{found:?}");
+    // One that is later than the first line was slipped in.
+    shelf.rename("2026-11-22/A/140000-functional", "2026-11-22/A/170000-functional");
+    let problems = super::verify(shelf.path()).unwrap().problems;
+    assert!(problems.len() == 1 && problems[0].contains("or it was slipped in"), "{problems:?}");
+}
+
 /// Runs of a simulated bench have no key. They are told, and hide nothing: what was signed behind them keeps them in their place.
 #[test]
 fn simulated_runs_among_signed_ones_are_a_note() {

@@ -84,7 +84,7 @@ impl Before {
 }
 
 /// Day and time of a run by its name.
-fn day_and_time(run: &str) -> (&str, &str) {
+pub(super) fn day_and_time(run: &str) -> (&str, &str) {
     let folder = run.rsplit('/').next().unwrap_or_default();
     (run.split('/').next().unwrap_or_default(), folder.split('-').next().unwrap_or_default())
 }

@@ -1,9 +1,10 @@
 //! Checks the chain from the first line to the last.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::append::lock;
+use super::before::day_and_time;
 use super::entry::{ChainEntry, Place};
 use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
 use super::{COUNTER, NOTHING, matching, places, signed, times};
@@ -50,6 +51,12 @@ pub struct ChainBook {
     pub(super) records: PathBuf,
     /// By their numbers.
     pub(super) lines: Vec<ChainEntry>,
+    /// Where among the lines runs were closed, by their names.
+    closes: HashMap<String, usize>,
+    /// The same, by the names under which they began.
+    closes_of_begun: HashMap<String, usize>,
+    /// Where among the lines runs began, by their names.
+    begins: HashMap<String, usize>,
     pub(super) counted: Option<Place>,
     /// What cannot be read, or stands in the wrong place.
     broken: Vec<String>,
@@ -130,6 +137,14 @@ impl ChainBook {
             }
         }
         book.lines.sort_by_key(|line| line.number);
+        for (at, line) in book.lines.iter().enumerate() {
+            if line.is_close() {
+                book.closes.entry(line.run.clone()).or_insert(at);
+                book.closes_of_begun.entry(line.began_as().to_owned()).or_insert(at);
+            } else {
+                book.begins.entry(line.run.clone()).or_insert(at);
+            }
+        }
         match counter(records) {
             Ok(counted) => book.counted = counted,
             // Nothing is written there but in one step, so only a disk that lost what it had leaves this.
@@ -147,19 +162,12 @@ impl ChainBook {
         self.lines.is_empty() && self.counted.is_none() && self.broken.is_empty()
     }
 
-    /// Whether a line says that the run was closed.
-    #[must_use]
-    pub fn names(&self, run: &Path) -> bool {
-        self.close_of(&name_in(&self.records, run)).is_some()
-    }
-
     /// What to say of a run with digests that began by the chain and was not closed by it: its station ended meanwhile. `None` for
     /// other runs; one that was slipped in has no line of its beginning.
     #[must_use]
     pub fn broke_off(&self, run: &Path) -> Option<String> {
         let name = name_in(&self.records, run);
-        let has_begun = self.lines.iter().any(|line| !line.is_close() && line.run == name);
-        (has_begun && self.close_of(&name).is_none()).then(|| closing_broke_off(&name))
+        (self.begins.contains_key(&name) && self.close_of(&name).is_none()).then(|| closing_broke_off(&name))
     }
 
     /// What is wrong with a run without digests, by the lines that name it: it was closed, or its journal does not begin as it did.
@@ -170,13 +178,18 @@ impl ChainBook {
         if let Some(close) = self.close_of(&name) {
             return Some(format!("run {} ({name}) was closed, and its {DIGESTS} is missing", close.number));
         }
-        let began = self.lines.iter().find(|line| !line.is_close() && line.run == name)?;
+        let began = self.lines.get(*self.begins.get(&name)?)?;
         matching::unlike_its_beginning(self, began)
     }
 
     /// The line of a closed run.
     pub(super) fn close_of(&self, run: &str) -> Option<&ChainEntry> {
-        self.lines.iter().find(|line| line.is_close() && line.run == run)
+        self.lines.get(*self.closes.get(run)?)
+    }
+
+    /// The line of a closed run by the name under which it began.
+    pub(super) fn close_of_begun(&self, run: &str) -> Option<&ChainEntry> {
+        self.lines.get(*self.closes_of_begun.get(run)?)
     }
 
     /// Whether each line follows from the one before.
@@ -228,16 +241,13 @@ impl ChainBook {
             }
             return;
         }
-        let known: HashSet<&str> =
-            self.lines.iter().filter(|line| line.is_close()).map(|line| line.run.as_str()).collect();
-        let first_day = self.lines.iter().map(ChainEntry::day).min().unwrap_or_default();
+        // Also on the day of the first line a run may be from before it.
+        let first = self.lines.first().map(|line| day_and_time(&line.run)).unwrap_or_default();
         let (later, before): (Vec<_>, Vec<_>) =
-            closed.iter().filter(|name| !known.contains(name.as_str())).partition(|name| name.as_str() > first_day);
-        // A run that was slipped in has no line of its beginning.
-        let begun: HashSet<&str> =
-            self.lines.iter().filter(|line| !line.is_close()).map(|line| line.run.as_str()).collect();
+            closed.iter().filter(|name| !self.closes.contains_key(*name)).partition(|name| day_and_time(name) >= first);
         for name in later {
-            if begun.contains(name.as_str()) {
+            // A run that was slipped in has no line of its beginning.
+            if self.begins.contains_key(name) {
                 checked.incomplete.push(closing_broke_off(name));
                 continue;
             }
@@ -248,7 +258,7 @@ impl ChainBook {
         if has_key {
             checked.problems.extend(before.iter().map(|name| {
                 format!(
-                    "{name} is not in the chain and stands on a day before its first line: it may have been slipped in"
+                    "{name} is not in the chain and is older than its first line: a version before the chain wrote it, or it was slipped in"
                 )
             }));
         } else if let Some(first) = before.first() {

@@ -1,7 +1,7 @@
 //! Compares the lines of each run with one another and with its folder: a run that began and is gone, one that was closed twice,
 //! one whose journal is not the one that began.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::Path;
 
@@ -59,8 +59,9 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
             None => {}
         }
     }
+    let mut moved = Moved::default();
     for line in begins.into_iter().filter(|line| !closed.contains_key(line.run.as_str())) {
-        open_folder(book, line, problems);
+        open_folder(book, line, &mut moved, problems);
     }
 }
 
@@ -110,7 +111,7 @@ pub(super) fn unlike_its_beginning(book: &ChainBook, line: &ChainEntry) -> Optio
 }
 
 /// Compares the line of a run that is not closed with its folder. The run goes on, or its station ended.
-fn open_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>) {
+fn open_folder(book: &ChainBook, line: &ChainEntry, moved: &mut Moved, problems: &mut Vec<String>) {
     let (number, run) = (line.number, &line.run);
     let folder = book.records.join(run);
     match folder.symlink_metadata() {
@@ -120,13 +121,24 @@ fn open_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>) 
         Ok(_) => problems.push(not_as_it_began(number, run)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             // Its module was not the one that was scanned, so that its station moves it.
-            let moved = reader::unassigned(&book.records, line.day());
-            let is_it =
-                |moved: &Path| begin::of_first_line(&book.records, moved).is_ok_and(|digest| digest == line.digest);
-            if !moved.iter().any(|moved| is_it(moved)) {
+            if !moved.has(&book.records, line) {
                 problems.push(format!("run {number} ({run}) began, and its folder is gone"));
             }
         }
         Err(error) => problems.push(format!("run {number} ({run}): its folder cannot be read: {error}")),
+    }
+}
+
+/// What the journals of runs that stand apart begin with. Those of a day are read once.
+#[derive(Default)]
+struct Moved(HashMap<String, HashSet<String>>);
+
+impl Moved {
+    fn has(&mut self, records: &Path, line: &ChainEntry) -> bool {
+        let of_day = self.0.entry(line.day().to_owned()).or_insert_with(|| {
+            let runs = reader::unassigned(records, line.day());
+            runs.iter().filter_map(|run| begin::of_first_line(records, run).ok()).collect()
+        });
+        of_day.contains(&line.digest)
     }
 }

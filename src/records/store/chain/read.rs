@@ -51,7 +51,7 @@ impl DayChain {
 /// The chains of so many days, newest day first.
 pub(super) fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, StoreError> {
     let mut chains = Vec::new();
-    for (day, _) in reader::days(records)?.into_iter().rev().take(days) {
+    for day in reader::day_names(records)?.into_iter().rev().take(days) {
         chains.extend(chain_of(records, &day)?);
     }
     Ok(chains)

@@ -88,7 +88,7 @@ pub(super) fn why_unsigned(book: &ChainBook, run: &str) -> Option<&'static str> 
 /// Whether the journal of a line's run says that its bench is simulated. Such a run proves nothing, and the next signed line
 /// keeps its own line in its place.
 fn is_simulated(book: &ChainBook, line: &ChainEntry) -> bool {
-    let moved = book.lines.iter().find(|close| close.is_close() && close.began_as() == line.run);
+    let moved = book.close_of_begun(&line.run);
     let run = moved.map_or(&line.run, |close| &close.run);
     let first = begin::first_line(&book.records, &book.records.join(Path::new(run)));
     let event = first.ok().and_then(|line| serde_json::from_slice::<serde_json::Value>(&line).ok());
