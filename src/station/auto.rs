@@ -96,7 +96,11 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         Some(field) if !whole.as_ref().is_ok_and(is_asked_for) => field,
         _ => whole?,
     };
-    serial_number::check_signs(&serial_number, patterns()).map_err(|error| in_words(&error))?;
+    if let Err(error) = serial_number::check_signs(&serial_number, patterns())
+        && !is_resumed(args, &serial_number)
+    {
+        return Err(in_words(&error));
+    }
     let operator = bench.habits.operator(args.operator.as_deref())?;
     let answers =
         Answers::given(&args.answers, plan.plan()).map_err(|wrong| CommandRefusal::new(wrong.what, &wrong.hint))?;
@@ -137,6 +141,11 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         began: None,
     };
     Ok((request, setup, bench.habits))
+}
+
+/// Whether the command line takes up a run of this module.
+pub(crate) fn is_resumed(args: &RunArgs, serial_number: &str) -> bool {
+    args.resume.as_deref().is_some_and(|run| records::resumes(&setup::records_folder(args), run, serial_number))
 }
 
 fn in_words(error: &SerialNumberError) -> CommandRefusal {

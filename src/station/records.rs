@@ -154,6 +154,13 @@ pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, Command
     Err(CommandRefusal::new(what, "name one by its folder; `gnc-station records list` shows them"))
 }
 
+/// Whether the run to take up again is of this module. An earlier version took numbers with signs that are refused today, and its
+/// interrupted runs can be taken up all the same.
+pub(crate) fn resumes(records: &Path, named: &Path, serial_number: &str) -> bool {
+    let run = to_resume(records, named).ok().and_then(|folder| reader::read(&folder).ok());
+    run.is_some_and(|run| run.serial_number == serial_number)
+}
+
 fn no_such(named: &Path, place: Option<&RecordsPlace>) -> ExitCode {
     let within = place.map(|place| format!(" in {}", place.in_words())).unwrap_or_default();
     let what = format!("there is no run {}{within}", printable(&named.to_string_lossy()));

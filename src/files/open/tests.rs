@@ -126,6 +126,8 @@ fn no_exchange_leads_a_named_file_out() {
     });
 }
 
+type Reading = fn(&Path) -> io::Result<Vec<u8>>;
+
 /// A file server lends a file to a program elsewhere (an oplock, a delegation); it comes back when it is asked for.
 #[test]
 fn a_file_on_loan_is_read_when_it_is_given_back() {
@@ -140,7 +142,7 @@ fn a_file_on_loan_is_read_when_it_is_given_back() {
         sys.stdin.read()\n";
     let place = tempfile::tempdir().unwrap();
     let path = place.path().join("file");
-    let reads: [fn(&Path) -> io::Result<Vec<u8>>; 3] = [
+    let reads: [Reading; 3] = [
         |path| read(path, 99),
         |path| read_below(path.parent().unwrap(), Path::new("file"), 99),
         |path| {

@@ -122,6 +122,8 @@ pub(crate) struct ScreenModel {
     pub pending: Option<PendingStart>,
     /// The run that the command line wants to take up, until the operator has decided about it.
     pub resume: Option<PathBuf>,
+    /// The serial number of that run's module.
+    pub resume_of: String,
     /// Items that are to be run, in the order of the plan.
     pub ticks: Vec<bool>,
     /// Items that the command line chose.
@@ -184,6 +186,7 @@ impl ScreenModel {
             pictures: Pictures::default(),
             pending: None,
             resume: None,
+            resume_of: String::new(),
             ticks: Vec::new(),
             only: None,
             cursor: 0,

@@ -18,7 +18,7 @@ use crate::tui::decode::Key;
 use crate::tui::model::{Loaded, MessageWeight, Over};
 use crate::tui::session::{ScreenSession, Signals};
 use crate::tui::update::{Effect, Msg, update};
-use crate::tui::{ScreenClock, first_model, to_resume};
+use crate::tui::{ScreenClock, first_model, number_given, to_resume};
 
 /// Messages and commands that may wait: more than a run of these plans has.
 const WAITING: usize = 1 << 14;
@@ -316,6 +316,11 @@ const CAPTURES: &str = "name = \"captures\"\nversion = \"1\"\n\
 /// The journal of a run as a power cut leaves it after the captures. Returns the run's name below the records.
 fn broken(place: &Place, faces: [&str; 2]) -> String {
     assert_eq!(by_auto(&place.args("whole", "--auto", &[]), || {}), None);
+    cut_off(place, faces)
+}
+
+/// Gives each face the whole run as it was after the captures. Returns its name.
+fn cut_off(place: &Place, faces: [&str; 2]) -> String {
     let records = place.folder.path().join("whole");
     let run = reader::list(&records).expect("records").remove(0).path;
     let journal = fs::read_to_string(run.join("events.jsonl")).expect("a journal");
@@ -347,4 +352,36 @@ fn a_run_that_broke_off() {
     let (runs, refused) = same(&place, &["--resume", &name], nothing);
     assert_eq!(runs.len(), 1);
     assert!(refused.is_some_and(|why| why.contains("had the plan with the digest")));
+}
+
+/// A version that took all signs filed a run that broke off. It is taken up, and no new run of that module begins.
+#[test]
+fn a_run_that_broke_off_with_a_number_that_is_refused_today() {
+    let place = Place::new(CAPTURES);
+    place.write("module.toml", "description = \"A good module.\"\n[module]\nserial_number = \"模-1\"\n");
+    let args = place.args("whole", "--auto", &[]);
+    let (mut request, setup, habits) = auto::prepare(&args).unwrap_or_else(|refusal| panic!("{}", refusal.what));
+    request.serial_number = "模-1".into();
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+    let done = runtime.block_on(auto::all_rounds(&args, &request, setup, &habits, None));
+    runtime.shutdown_background();
+    assert!(done.is_ok());
+    let name = cut_off(&place, ["auto", "screen"]);
+    let args = |face: &str, plan: &str, more: &[&str]| {
+        let mut args = place.args(face, plan, more);
+        args.serial_number = Some("模-1".into());
+        args
+    };
+    let refused = by_auto(&args("auto", "--auto", &[]), || {});
+    assert!(refused.is_some_and(|why| why.contains("do not allow")));
+    assert!(number_given(&args("screen", "--plan", &[]), "模-1").is_err());
+    let resume = ["--resume", &*name];
+    assert_eq!(by_auto(&args("auto", "--auto", &resume), || {}), None);
+    assert_eq!(number_given(&args("screen", "--plan", &resume), "模-1").as_deref(), Ok("模-1"));
+    assert_eq!(by_screen(&args("screen", "--plan", &resume), || {}), None);
+    for face in ["auto", "screen"] {
+        let (runs, _) = place.said(face, None);
+        assert_eq!((runs.len(), &*ends(&runs)[1]), (2, "passed"), "{face}");
+        assert!(runs[1].to_string().contains("Taken over from the interrupted run"), "{face}");
+    }
 }

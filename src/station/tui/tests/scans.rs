@@ -12,6 +12,7 @@ use crate::tui::decode::Key;
 use crate::tui::input::Scanned;
 use crate::tui::lang::Lang;
 use crate::tui::model::{Loaded, Over, ScreenPage};
+use crate::tui::pending::{Prepared, Resumable};
 use crate::tui::scene::Scene;
 use crate::tui::update::{Effect, Msg};
 
@@ -240,6 +241,30 @@ fn numbers_that_do_not_fit_are_told() {
     assert_eq!(scene.scans("БИНС-12\r"), look_up("БИНС-12"));
     assert_eq!(scene.scans("ЫТ-12\r"), None);
     assert!(scene.text().contains("another layout"), "{}", scene.text());
+    // A code that is only too short is no matter of the keyboard.
+    let mut scene = with_patterns(Some("БИНС-[0-9]{4}"), None);
+    assert_eq!(scene.scans("БИНС-123\r"), None);
+    assert!(scene.text().contains("it must fit БИНС-[0-9]{4}"), "{}", scene.text());
+}
+
+/// An earlier version took the number of a run that broke off. Its module can be scanned again for that run, and for no new one.
+#[test]
+fn the_number_of_the_run_that_is_taken_up_holds() {
+    for number in ["模块-1", "Ж-1", "SN-é"] {
+        let mut scene = with_patterns(None, None);
+        scene.model.resume = Some("records/2026-11-28/x/143015-p".into());
+        number.clone_into(&mut scene.model.resume_of);
+        assert_eq!(scene.scans("SN-µ\r"), None);
+        assert_eq!(scene.scans(&format!("{number}\r")), look_up(number));
+        assert!(matches!(scene.key(Key::F(5)), Some(Effect::Prepare { .. })), "{}", scene.text());
+        let why = "gone".to_owned();
+        let resume = Some(Resumable::No { why });
+        let serial_number = number.to_owned();
+        scene.tell(Msg::Prepared(Box::new(Prepared { serial_number, changed: Vec::new(), standing: None, resume })));
+        assert_eq!(scene.key(Key::F(2)), None);
+        assert!(scene.model.pending.is_none() && scene.model.run.is_none(), "{}", scene.text());
+        assert_eq!(scene.scans(&format!("{number}\r")), None);
+    }
 }
 
 /// A number is printable ASCII. What else was scanned or typed is named, unless a pattern names it. A pattern that takes anything

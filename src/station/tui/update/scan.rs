@@ -28,6 +28,7 @@ pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) -> Option<Effect>
         // A pattern that names other letters knows better.
         Ok(number)
             if framing::is_other_layout(&number)
+                && !is_resumed(model, &number)
                 && SerialNumberPattern::not_allowed(&number, patterns(model)).is_some()
                 && numbers::fitting(model, &number).is_none() =>
         {
@@ -280,12 +281,19 @@ fn other_number(model: &ScreenModel, number: &str) -> Option<NumberField> {
 
 /// Why a number is none of this bench or this plan.
 pub(super) fn misfit(model: &ScreenModel, number: &str) -> Option<String> {
-    if let Err(error) = serial_number::check_signs(number, patterns(model)) {
+    if let Err(error) = serial_number::check_signs(number, patterns(model))
+        && !is_resumed(model, number)
+    {
         return Some(in_words(model, &error));
     }
     let pattern = patterns(model).find(|pattern| !pattern.fits(number))?.to_string();
     let [number, pattern] = [number, &pattern].map(|text| gnc_text::printable(text).into_owned());
     Some(words(model.texts.scan_misfit, &[&number, &pattern]))
+}
+
+/// Whether the command line takes up a run of this module. An earlier version may have taken signs that are refused today.
+fn is_resumed(model: &ScreenModel, number: &str) -> bool {
+    model.resume.is_some() && model.resume_of == number
 }
 
 /// Has the records searched for earlier runs of the module, once.

@@ -167,6 +167,13 @@ pub(super) fn answer(model: &mut ScreenModel, action: KeyAction) -> Option<Optio
         (Over::Interrupted(_) | Over::NoResume { .. }, _) => {
             // The operator has decided about the run of the command line.
             model.resume = None;
+            // A new run of the module takes only the signs of today.
+            let number = model.scan.current.clone().unwrap_or_default();
+            if let Some(problem) = scan::misfit(model, &number) {
+                model.pending = None;
+                model.say(MessageWeight::Error, problem);
+                return Some(None);
+            }
             ask_next(model)
         }
         _ => ask_next(model),
