@@ -106,6 +106,36 @@ fn a_plan_stays_in_its_folder() {
     check(&place.run(["plan", "check", "plans/plan.toml", "--allow-outside"]), 0, &["no mistake"]);
 }
 
+/// The command that names the option has it.
+#[test]
+fn a_board_stays_in_its_folder() {
+    let place = Place::new(STATION);
+    fs::create_dir(place.path().join("boards")).expect("a folder");
+    place.write("boards/board.toml", "description = \"d\"\n[gnss]\nplayback = \"../fix.nmea\"\n");
+    place.write("fix.nmea", include_str!("../../hw-mocks/receivers/no-fix.nmea"));
+    let plan = functional_plan().to_string_lossy().into_owned();
+    let check_board = ["board", "check", "--sim=boards/board.toml", "--only", "hello"];
+    let auto = [
+        "--auto",
+        &plan,
+        "--sim=boards/board.toml",
+        "--serial-number",
+        "A",
+        "--only",
+        "identity",
+        "--sim-speed",
+        "max",
+    ];
+    let outside = "it lies outside of the folder of the board's file, and only --allow-outside allows that";
+    check(&place.run(check_board), 2, &[outside]);
+    check(&place.run(auto), 2, &[outside]);
+    check(&place.run(check_board.into_iter().chain(["--allow-outside"])), 0, &["passed, 0 failed"]);
+    check(&place.run(auto.into_iter().chain(["--allow-outside"])), 5, &[]);
+    let russian = place.station(check_board).env("LC_ALL", "ru_RU.UTF-8").output().expect("the station");
+    let said = String::from_utf8_lossy(&russian.stderr).into_owned();
+    assert!(said.contains("он лежит вне папки файла платы"), "{said}");
+}
+
 /// The run is stopped, and waits for the lock of the records, which another program holds. Without the second signal it would
 /// end by itself some seconds later, with exit code 3.
 #[test]
