@@ -37,6 +37,11 @@ pub enum Doubt {
     },
     /// This computer sees no device behind the interface.
     InterfaceWithoutDevice(String),
+    /// The kernel calls the interface one of a controller, and no device is behind it: so is each slcan interface of the
+    /// kernel, on an adapter or on a pseudo-terminal.
+    ControllerWithoutDevice(String),
+    /// This process may not ask the kernel what the interface is.
+    InterfaceNotAsked(String),
 }
 
 impl fmt::Display for Doubt {
@@ -55,11 +60,43 @@ impl fmt::Display for Doubt {
                 let interface = gnc_text::printable(interface);
                 write!(f, "CAN interface {interface} has no device that this computer can see")
             }
+            Self::ControllerWithoutDevice(interface) => {
+                let interface = gnc_text::printable(interface);
+                write!(
+                    f,
+                    "CAN interface {interface} has no device that this computer can see, as slcan of the kernel has none"
+                )
+            }
+            Self::InterfaceNotAsked(interface) => {
+                let interface = gnc_text::printable(interface);
+                write!(f, "this process may not ask the kernel what CAN interface {interface} is (AF_NETLINK)")
+            }
         }
     }
 }
 
 impl Doubt {
+    /// What a person can do so that runs count.
+    #[must_use]
+    pub fn try_this(&self) -> &'static str {
+        match self {
+            Self::PseudoTerminal(_) => {
+                "name the port of an adapter at this computer; `gnc-station ports` lists the ports"
+            }
+            Self::PortWithoutDevice(_) => {
+                "name an adapter at this computer, and not a port that a server or a driver lends; a container needs /sys"
+            }
+            Self::VirtualInterface { .. } => "name the interface of a CAN adapter; `ip -br link type can` lists them",
+            Self::InterfaceWithoutDevice(_) => "name the interface of a CAN adapter; a container needs /sys",
+            Self::ControllerWithoutDevice(_) => {
+                "with an slcan adapter name it itself, port = \"slcan:/dev/ttyACM0\"; a container needs /sys"
+            }
+            Self::InterfaceNotAsked(_) => {
+                "allow AF_NETLINK in RestrictAddressFamilies of its systemd unit, or in the seccomp rules of its container"
+            }
+        }
+    }
+
     /// The error of a link that came back as something else than it was.
     pub(crate) fn on_return(&self) -> io::Error {
         io::Error::other(format!("{self}; that was not so when the link was opened"))

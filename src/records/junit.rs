@@ -276,21 +276,23 @@ fn whole_run(record: &RunRecord, unrecorded: Option<&str>) -> Option<Case> {
     let worst = Outcome::worst(record.items.iter().map(|item| item.outcome));
     let verdict = record.verdict;
     let good_selection = verdict.of_selection().is_some_and(Outcome::is_good);
+    let good_unproven = record.bench.kind == BenchKind::Unproven && verdict.of_items().is_good();
     let message = match unrecorded {
         Some(why) => format!("the record could not be written: {why}"),
         None if record.interrupted => "the run has no end".to_owned(),
         None if record.other_module.is_some() => text::banners(record).join("; "),
         None if good_selection => "only chosen items ran: this is not a pass of the module".to_owned(),
+        None if good_unproven => text::banners(record).join("; "),
         None if worst == Some(verdict.of_items()) => return None,
         None => match &record.stop {
             Some(stop) => format!("the run was stopped by {}", stop.by),
             None => format!("the run is {verdict}"),
         },
     };
-    // A server that counts what passed must not count a module whose plan did not run.
+    // A server that counts what passed must not count a module whose plan did not run, nor one that a program may have played.
     let outcome = match unrecorded {
         Some(_) => Outcome::Errored,
-        None if good_selection => Outcome::Skipped,
+        None if good_selection || good_unproven => Outcome::Skipped,
         None => verdict.of_items(),
     };
     let notes = record.notes.iter().map(|note| printable(&note.text).into_owned() + "\n");

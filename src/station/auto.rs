@@ -177,7 +177,7 @@ pub(crate) async fn all_rounds(
     let cannot = |error: io::Error| CommandRefusal::new(format!("cannot watch for ctrl-C: {error}"), "");
     let control = RunControl::from_signals().map_err(cannot)?;
     let asked = control.clone();
-    ending::at_second_signal(move || asked.asked().times >= 2, || {}).map_err(cannot)?;
+    ending::at_second_signal(move || asked.asked().times >= 2, ending::say_that_it_closes, || {}).map_err(cannot)?;
     // The simulated bench ends with this scope.
     let Setup { equipment, simulation: _simulation } = setup;
     let live = Live::default();

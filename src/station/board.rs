@@ -49,6 +49,9 @@ pub(crate) struct CheckArgs {
     /// The link to the simulated board.
     #[arg(long, value_name = "LINK", value_enum, default_value_t = SimLink::Rs422, requires = "sim")]
     sim_link: SimLink,
+    /// Allows the file of the simulated board to name a playback of another folder.
+    #[arg(long, requires = "sim")]
+    allow_outside: bool,
     /// Writes an array of JSON to standard output, and all text for people to standard error.
     #[arg(long)]
     json: bool,
@@ -63,7 +66,8 @@ pub(crate) fn run(command: &BoardCommand) -> ExitCode {
     if let Err(refusal) = selected(args.only.as_deref()) {
         return refuse(refusal.what, &refusal.try_this);
     }
-    let line = match setup::board_line(args.bench.as_deref(), args.sim.as_deref(), args.sim_link) {
+    let simulated = args.sim.as_deref().map(|sim| (sim, args.sim_link, crate::args::reach(args.allow_outside)));
+    let line = match setup::board_line(args.bench.as_deref(), simulated) {
         Ok(line) => line,
         Err(refusal) => return refuse(refusal.what, &refusal.try_this),
     };
@@ -110,7 +114,7 @@ fn check(args: &CheckArgs, line: &BoardLine) -> Result<Result<Ended, NoBoard>, C
         let (stop, stopped) = watch::channel(false);
         heed_signals(stop).map_err(system)?;
         // Nothing of a check must be closed.
-        crate::ending::at_second_signal(|| false, || {}).map_err(system)?;
+        crate::ending::at_second_signal(|| false, || {}, || {}).map_err(system)?;
         let options = CheckOptions {
             rate_bps: line.target.rate_bps(),
             // Two runs must not have a nonce in common, and no more: the hasher's chance is enough.

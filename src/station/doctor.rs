@@ -139,7 +139,7 @@ pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys, proc
     let bench = bench_file(&path, named.is_some(), &mut findings);
     if let Some(bench) = &bench {
         socket(bench, &mut findings);
-        findings.push(plans(bench, path.parent().unwrap_or_else(|| Path::new(""))));
+        findings.extend(plans(bench, path.parent().unwrap_or_else(|| Path::new(""))));
         findings.extend(lines::look(bench, sys, proc));
         findings.extend(bench.scanner.iter().flat_map(|scanner| scanner::look(scanner, proc)));
     }
@@ -180,12 +180,16 @@ fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<B
 }
 
 /// Whether the bench pins its plans, and whether it runs the one with which its screen opens.
-fn plans(bench: &BenchFile, folder: &Path) -> Finding {
-    let usual = bench.plan.as_ref().and_then(|plan| files::plan(&folder.join(plan), gnc_files::Reach::Folder).ok());
-    match usual.map(|plan| bench.plans.check(plan.plan(), plan.sha256())) {
-        Some(Err(error)) => Finding::bad(error.to_string(), error.try_this()),
-        _ if bench.plans.is_empty() => Finding::good("the bench file pins no plan, so this bench runs any plan"),
-        _ => Finding::good(format!("the bench file pins its plans: {}", bench.plans.len())),
+fn plans(bench: &BenchFile, folder: &Path) -> Vec<Finding> {
+    let usual = bench.plan.as_ref().map(|plan| files::plan(&folder.join(plan), gnc_files::Reach::Folder));
+    match usual.map(|plan| plan.map(|plan| bench.plans.check(plan.plan(), plan.sha256()))) {
+        // The screen opens with this refusal, and without a plan.
+        Some(Err(refusal)) => mistakes(&refusal),
+        Some(Ok(Err(error))) => vec![Finding::bad(error.to_string(), error.try_this())],
+        _ if bench.plans.is_empty() => {
+            vec![Finding::good("the bench file pins no plan, so this bench runs any plan")]
+        }
+        _ => vec![Finding::good(format!("the bench file pins its plans: {}", bench.plans.len()))],
     }
 }
 

@@ -257,9 +257,15 @@ struct Note {
     schema: &'static str,
     serial_number: String,
     /// How the run ended. The record has the last word on everything but this: a run whose record could not be written
-    /// is errored. `outcome` is null if only chosen items ran, and `selection_outcome` then tells how they ended.
-    #[serde(flatten)]
-    verdict: Verdict,
+    /// is errored. Null if only chosen items ran, and on an unproven bench.
+    outcome: Option<Outcome>,
+    /// How chosen items ended; absent if the whole plan ran, and on an unproven bench.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    selection_outcome: Option<Outcome>,
+    /// How a run on an unproven bench ended, else absent. It stands apart, so that a program that knows nothing of such
+    /// benches shows no pass.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unproven_outcome: Option<Outcome>,
     /// Whether the module was a simulated one.
     simulated: bool,
     /// Whether the link to the board does not prove that there is one.
@@ -295,13 +301,17 @@ struct NotPassed {
 impl Note {
     fn of(ended: &Ended) -> Self {
         let record = reader::read(&ended.folder).ok();
+        let unproven = record.as_ref().is_some_and(|record| record.bench.kind == BenchKind::Unproven);
+        let tested = Some(ended.verdict).filter(|_| !unproven);
         Self {
             schema: SCHEMA,
             serial_number: ended.serial_number.clone(),
-            verdict: ended.verdict,
+            outcome: tested.and_then(Verdict::of_module),
+            selection_outcome: tested.and_then(Verdict::of_selection),
+            unproven_outcome: unproven.then(|| ended.verdict.of_items()),
             other_module: record.as_ref().and_then(|record| record.other_module.clone()),
             simulated: record.as_ref().is_some_and(|record| record.bench.kind == BenchKind::Simulated),
-            unproven: record.as_ref().is_some_and(|record| record.bench.kind == BenchKind::Unproven),
+            unproven,
             record: std::path::absolute(&ended.folder).unwrap_or_else(|_| ended.folder.clone()),
             run: record.map(Told::of),
         }

@@ -16,6 +16,7 @@ use gnc_executive::job::BenchAbilities;
 use gnc_executive::numbers::NumberField;
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::{PlanAsked, Question, Standing};
+use gnc_files::Reach;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::standing;
@@ -190,23 +191,20 @@ pub(crate) struct BoardLine {
     _simulation: Simulation,
 }
 
-/// Finds the way to the board of a bench file, or starts a simulated board at true speed.
+/// Finds the way to the board of a bench file, or starts a simulated board at true speed: its file, its link, and how far files
+/// may lie that it names.
 pub(crate) fn board_line(
     bench: Option<&Path>,
-    sim: Option<&Path>,
-    sim_link: SimLink,
+    sim: Option<(&Path, SimLink, Reach)>,
 ) -> Result<BoardLine, CommandRefusal> {
     match sim {
         #[cfg(feature = "sim")]
-        Some(personality) => {
-            let (target, running) = simulated::board_line(personality, sim_link)?;
+        Some((personality, link, reach)) => {
+            let (target, running) = simulated::board_line(personality, link, reach)?;
             Ok(BoardLine { target, _simulation: Some(running) })
         }
         #[cfg(not(feature = "sim"))]
-        Some(_) => {
-            let _ = sim_link;
-            Err(without_simulation())
-        }
+        Some(_) => Err(without_simulation()),
         None => {
             let path = bench_path(bench)?;
             let file = files::bench(&path)?;

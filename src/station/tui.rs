@@ -108,7 +108,8 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
     };
     let guard = Guard::new();
     let (heard, held) = (signals.heard(), guard.clone());
-    crate::ending::at_second_signal(move || heard.load(Ordering::SeqCst) >= 2, move || held.give_back())
+    // A line on standard error would stand in the middle of the screen, which says itself that the run is being stopped.
+    crate::ending::at_second_signal(move || heard.load(Ordering::SeqCst) >= 2, || {}, move || held.give_back())
         .map_err(cannot)?;
     let clock = ScreenClock { began };
     let plan = args.plan.clone();
@@ -211,9 +212,6 @@ fn first_model(
     };
     model.only.clone_from(&args.only);
     model.scan.current = serial_number;
-    if let Some((what, _)) = umask::doubt() {
-        model.say(model::MessageWeight::Info, in_language(&what, lang).into_owned());
-    }
     if let Some((folder, of)) = resume {
         let run = folder.file_name().unwrap_or_default().to_string_lossy();
         model.resume_of.clone_from(&of);
@@ -222,7 +220,16 @@ fn first_model(
         model.say(model::MessageWeight::Info, said);
         model.resume = Some(folder);
     }
+    warn_of_umask(&mut model, umask::doubt());
     model
+}
+
+/// Whoever may change records is more than news. What the line of messages says already stays beside it.
+fn warn_of_umask(model: &mut ScreenModel, doubt: Option<(String, &str)>) {
+    let Some((what, try_this)) = doubt else { return };
+    let warning = in_language(&format!("{what}; {try_this}"), model.lang).into_owned();
+    let before = model.message.take().map(|(_, before)| format!(" {before}")).unwrap_or_default();
+    model.say(model::MessageWeight::Warning, format!("{warning}{before}"));
 }
 
 /// The thread that draws.

@@ -106,10 +106,41 @@ fn a_plan_stays_in_its_folder() {
     check(&place.run(["plan", "check", "plans/plan.toml", "--allow-outside"]), 0, &["no mistake"]);
 }
 
-/// The run is stopped, and waits for the lock of the records, which another program holds. Without the second signal it would
-/// end by itself some seconds later, with exit code 3.
+/// The command that names the option has it.
 #[test]
-fn two_signals_end_a_run_that_waits() {
+fn a_board_stays_in_its_folder() {
+    let place = Place::new(STATION);
+    fs::create_dir(place.path().join("boards")).expect("a folder");
+    place.write("boards/board.toml", "description = \"d\"\n[gnss]\nplayback = \"../fix.nmea\"\n");
+    place.write("fix.nmea", include_str!("../../hw-mocks/receivers/no-fix.nmea"));
+    let plan = functional_plan().to_string_lossy().into_owned();
+    let check_board = ["board", "check", "--sim=boards/board.toml", "--only", "hello"];
+    let auto = [
+        "--auto",
+        &plan,
+        "--sim=boards/board.toml",
+        "--serial-number",
+        "A",
+        "--only",
+        "identity",
+        "--sim-speed",
+        "max",
+    ];
+    let outside = "it lies outside of the folder of the board's file, and only --allow-outside allows that";
+    check(&place.run(check_board), 2, &[outside]);
+    check(&place.run(auto), 2, &[outside]);
+    check(&place.run(check_board.into_iter().chain(["--allow-outside"])), 0, &["passed, 0 failed"]);
+    check(&place.run(auto.into_iter().chain(["--allow-outside"])), 5, &[]);
+    let russian = place.station(check_board).env("LC_ALL", "ru_RU.UTF-8").output().expect("the station");
+    let said = String::from_utf8_lossy(&russian.stderr).into_owned();
+    assert!(said.contains("он лежит вне папки файла платы"), "{said}");
+}
+
+/// The run is stopped, and waits for the lock of the records, which another program holds. Two signals end it if it hears nothing
+/// while it waits; if it heard them and closes its record, it says so, and a third one ends it. Otherwise it would end by
+/// itself some seconds later, with exit code 3.
+#[test]
+fn signals_end_a_run_that_waits() {
     let place = Place::new(STATION);
     let records = place.path().join("records");
     fs::create_dir(&records).expect("a folder");
@@ -120,20 +151,20 @@ fn two_signals_end_a_run_that_waits() {
     assert!(events.any(|line| line.is_ok_and(|line| line.contains("run_started"))));
     let lock = Flock::lock(File::open(&records).expect("a folder"), FlockArg::LockExclusive);
     let pid = Pid::from_raw(i32::try_from(station.id()).expect("a process"));
-    for _ in 0..2 {
-        kill(pid, Signal::SIGINT).expect("alive");
-        // Two signals at the same moment are one for the system.
-        while fs::read_to_string(format!("/proc/{pid}/status")).expect("alive").lines().any(pending) {}
+    // Two signals of one kind at the same moment are one.
+    for signal in [Signal::SIGINT, Signal::SIGTERM] {
+        kill(pid, signal).expect("alive");
     }
-    let ended = station.wait_with_output().expect("its end");
+    let mut said = Vec::new();
+    for line in BufReader::new(station.stderr.take().expect("its errors")).lines().map_while(Result::ok) {
+        if line.contains("the run is stopped, and its record is being closed") {
+            kill(pid, Signal::SIGINT).expect("not waited for yet");
+        }
+        said.push(line);
+    }
+    let ended = station.wait().expect("its end");
     drop(lock);
-    assert_eq!(ended.status.code(), Some(4), "{}", String::from_utf8_lossy(&ended.stderr));
-}
-
-/// A line of a process's status that names SIGINT as not yet taken.
-fn pending(line: &str) -> bool {
-    let bits = line.strip_prefix("SigPnd:").or_else(|| line.strip_prefix("ShdPnd:"));
-    bits.is_some_and(|bits| u64::from_str_radix(bits.trim(), 16).expect("bits") & 2 != 0)
+    assert_eq!(ended.code(), Some(4), "{said:?}");
 }
 
 /// What has no run ends at the first signal.

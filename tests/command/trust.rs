@@ -242,12 +242,18 @@ fn a_second_judgement_of_a_signed_run_is_signed() {
     let list = place.run(["records", "list", "--json"]);
     let lines: Vec<Value> = serde_json::from_str(&list.stdout).expect("JSON");
     let outcomes: Vec<_> =
-        lines.iter().map(|line| (&line["outcome"], &line["rejudged_outcome"], &line["bench"])).collect();
+        lines.iter().map(|line| [&line["unproven_outcome"], &line["rejudged_outcome"], &line["bench"]]).collect();
     let (passed, none, unproven) = (Value::from("passed"), Value::Null, Value::from("unproven"));
-    assert_eq!(outcomes, [(&passed, &none, &unproven), (&none, &passed, &unproven)], "{}", list.stdout);
+    assert_eq!(outcomes, [[&passed, &none, &unproven], [&none, &passed, &unproven]], "{}", list.stdout);
+    // A program that asks for `outcome` alone, as before, counts no pass of a bench that a program may play.
+    for line in &lines {
+        assert!(line["outcome"].is_null() && line["selection_outcome"].is_null(), "{}", list.stdout);
+    }
     let table = place.run(["records", "list", "--csv"]).stdout;
     let rejudged = table.lines().find(|line| line.contains("-recomputed,")).expect("the judgement");
-    assert!(rejudged.contains("-recomputed,closed,,,") && rejudged.ends_with(",unproven,passed"), "{table}");
+    let tested = table.lines().find(|line| line.ends_with(",unproven,,passed")).expect("the run");
+    assert!(tested.contains(",closed,,,"), "{table}");
+    assert!(rejudged.contains("-recomputed,closed,,,") && rejudged.ends_with(",unproven,passed,"), "{table}");
     // Another key gives no signature: the samples are not its station's.
     assert_eq!(place.run(["records", "key", "other.key"]).code, Some(0));
     let other = place.run(["recompute", &folder, "--plan", "looser.toml", "--key", "other.key"]);

@@ -46,13 +46,15 @@ pub(super) fn doubt(interface: &str, index: u32) -> Option<Doubt> {
     doubt_by(interface, kind::kind(index), has_device)
 }
 
-fn doubt_by(interface: &str, kind: Option<String>, has_device: bool) -> Option<Doubt> {
+fn doubt_by(interface: &str, kind: Result<Option<String>, Errno>, has_device: bool) -> Option<Doubt> {
     let interface = interface.to_owned();
     match kind {
-        Some(kind) if kind != WITH_CONTROLLER => Some(Doubt::VirtualInterface { interface, kind }),
-        // An adapter that a program plays on a pseudo-terminal is of this kind too, and has no device.
-        Some(_) if has_device => None,
-        _ => Some(Doubt::InterfaceWithoutDevice(interface)),
+        Ok(Some(kind)) if kind != WITH_CONTROLLER => Some(Doubt::VirtualInterface { interface, kind }),
+        // An adapter that a program plays on a pseudo-terminal is of this kind too. The slcan driver of the kernel names no
+        // device for any adapter.
+        Ok(Some(_)) => (!has_device).then_some(Doubt::ControllerWithoutDevice(interface)),
+        Ok(None) => Some(Doubt::InterfaceWithoutDevice(interface)),
+        Err(_) => Some(Doubt::InterfaceNotAsked(interface)),
     }
 }
 
@@ -89,17 +91,31 @@ mod tests {
 
     #[test]
     fn a_controller_with_a_device_is_beyond_doubt() {
-        let doubt = |kind: Option<&str>, has_device| doubt_by("can0", kind.map(str::to_owned), has_device);
+        let doubt = |kind: Option<&str>, has_device| doubt_by("can0", Ok(kind.map(str::to_owned)), has_device);
         assert_eq!(doubt(Some("can"), true), None);
         for kind in ["vcan", "vxcan"] {
             let of_kind = Doubt::VirtualInterface { interface: "can0".into(), kind: kind.into() };
             assert_eq!(doubt(Some(kind), false), Some(of_kind.clone()));
             assert_eq!(doubt(Some(kind), true), Some(of_kind), "a device that was put there");
         }
+        let slcan = Doubt::ControllerWithoutDevice("can0".into());
+        assert!(slcan.try_this().contains("slcan:/dev/ttyACM0"), "{slcan}");
+        assert_eq!(doubt(Some("can"), false), Some(slcan), "slcan of the kernel");
         let without_device = Some(Doubt::InterfaceWithoutDevice("can0".into()));
-        assert_eq!(doubt(Some("can"), false), without_device, "slcan on a pseudo-terminal");
         assert_eq!(doubt(None, true), without_device, "the kernel does not say");
         assert_eq!(doubt(None, false), without_device);
+    }
+
+    /// A service with `RestrictAddressFamilies` gets one error, a container with seccomp others.
+    #[test]
+    fn a_kernel_that_may_not_be_asked_is_no_missing_device() {
+        for why in [Errno::EAFNOSUPPORT, Errno::EPERM, Errno::EACCES, Errno::ENOSYS] {
+            for has_device in [true, false] {
+                let doubt = doubt_by("can0", Err(why), has_device).unwrap();
+                assert_eq!(doubt, Doubt::InterfaceNotAsked("can0".into()), "{why}");
+                assert!(doubt.to_string().contains("AF_NETLINK") && doubt.try_this().contains("AF_NETLINK"), "{doubt}");
+            }
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 use std::os::fd::AsRawFd as _;
 
+use nix::errno::Errno;
 use nix::sys::socket::{AddressFamily, MsgFlags, NetlinkAddr, SockFlag, SockProtocol, SockType, recv, sendto, socket};
 
 /// Message kinds of `linux/rtnetlink.h`.
@@ -26,20 +27,23 @@ const LONGEST: usize = 32 << 10;
 
 /// The kind of an interface ("can" for each driver of a controller, "vcan", "vxcan"); `None` if it has none or the kernel does
 /// not say.
-pub(super) fn kind(index: u32) -> Option<String> {
+///
+/// # Errors
+/// This process may not ask: a service or a container is often kept from sockets of this family.
+pub(super) fn kind(index: u32) -> Result<Option<String>, Errno> {
     let netlink = socket(
         AddressFamily::Netlink,
         SockType::Raw,
         SockFlag::SOCK_CLOEXEC | SockFlag::SOCK_NONBLOCK,
         SockProtocol::NetlinkRoute,
     );
-    let netlink = netlink.ok()?;
+    let netlink = netlink?;
     let fd = netlink.as_raw_fd();
-    sendto(fd, &question(index), &NetlinkAddr::new(0, 0), MsgFlags::empty()).ok()?;
+    sendto(fd, &question(index), &NetlinkAddr::new(0, 0), MsgFlags::empty())?;
     // The kernel has answered when the question was taken.
     let mut answer = vec![0; LONGEST];
-    let length = recv(fd, &mut answer, MsgFlags::empty()).ok()?;
-    kind_in(answer.get(..length)?, index)
+    let length = recv(fd, &mut answer, MsgFlags::empty())?;
+    Ok(answer.get(..length).and_then(|answer| kind_in(answer, index)))
 }
 
 fn question(index: u32) -> Vec<u8> {
@@ -121,6 +125,6 @@ mod tests {
     #[test]
     fn the_loopback_interface_has_no_kind() {
         // It is the first interface of each network namespace.
-        assert_eq!(kind(1), None);
+        assert_eq!(kind(1), Ok(None));
     }
 }

@@ -265,10 +265,22 @@ fn what_no_item_says_is_a_case_of_its_own() {
     assert_eq!(whole(&errored, None).as_deref(), Some("the run is errored"));
     // Good items of a selection are no pass that a server may count.
     let chosen = Some(vec!["cpu".to_owned()]);
-    let selection = RunRecord { verdict: Verdict::Selection(Outcome::Passed), selection: chosen, ..good };
+    let selection = RunRecord { verdict: Verdict::Selection(Outcome::Passed), selection: chosen, ..good.clone() };
     let told = whole(&selection, None);
     assert_eq!(told.as_deref(), Some("only chosen items ran: this is not a pass of the module"));
     assert_eq!(report(&selection, None).get("skipped"), "1");
+    // Nor is a pass of a board that a program may play.
+    let bench = BenchInfo::real().in_doubt(Some("port /dev/pts/3 is a pseudo-terminal".to_owned()));
+    let unproven = RunRecord { bench, ..good };
+    let told = whole(&unproven, None);
+    assert_eq!(
+        told.as_deref(),
+        Some("UNPROVEN BENCH (port /dev/pts/3 is a pseudo-terminal): no evidence about any module")
+    );
+    assert_eq!(report(&unproven, None).get("skipped"), "1");
+    let failed = RunRecord { verdict: Verdict::Module(Outcome::Failed), ..unproven };
+    let failed = RunRecord { items: vec![item("cpu", Outcome::Failed)], ..failed };
+    assert_eq!((whole(&failed, None), report(&failed, None).get("failures")), (None, "1"));
 }
 
 #[test]

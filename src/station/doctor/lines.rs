@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use chrono::Local;
 use gnc_executive::bench::{BenchFile, TestSocket};
 use gnc_link::can::{CanTarget, slcan};
-use gnc_link::{Link, Target};
+use gnc_link::{Doubt, Link, Target};
 use gnc_protocol::message::capability;
 use gnc_text::with_causes;
 
@@ -51,6 +51,9 @@ pub(super) fn look(bench: &BenchFile, sys: &Sys, proc: &Proc) -> Vec<Finding> {
         let busy = line.device().is_some_and(|(device, rate_baud)| port::is_busy(device, rate_baud));
         let opens = !busy && itself.iter().all(|finding| finding.health != Health::Bad);
         findings.extend(itself);
+        if opens || busy {
+            findings.extend(unproven(&line.target));
+        }
         let others = if opens { others(&line, proc) } else { Vec::new() };
         taken |= busy || !others.is_empty();
         findings.extend(others);
@@ -66,6 +69,15 @@ pub(super) fn look(bench: &BenchFile, sys: &Sys, proc: &Proc) -> Vec<Finding> {
     findings.extend(runtime.block_on(boards(usable, !taken, proc)));
     runtime.shutdown_background();
     findings
+}
+
+/// Why runs over this line prove nothing of a module: who repairs a bench learns it before the shift.
+pub(super) fn unproven(target: &Target) -> Option<Finding> {
+    target.doubt().as_ref().map(warning)
+}
+
+pub(super) fn warning(doubt: &Doubt) -> Finding {
+    Finding::warning(format!("{doubt}; runs on this bench are unproven and count for no module"), doubt.try_this())
 }
 
 fn lines(bench: &BenchFile) -> Vec<Line> {

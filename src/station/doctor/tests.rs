@@ -147,3 +147,63 @@ fn a_bench_file_with_mistakes_is_bad_and_one_that_is_missing_a_warning() {
     let found = look(Some(&folder.path().join("none.toml")), Some(folder.path()), &Sys::default(), &Proc::default());
     assert_eq!(found[0].health, Health::Bad, "a file that was named must be there: {}", found[0]);
 }
+
+/// The plan with which the screen opens: a bench with a plan that nobody can run is no good bench.
+#[test]
+fn a_plan_of_the_bench_file_that_is_refused_is_bad() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let found = |plan: &str| {
+        let text = format!("[station]\nid = \"line-2\"\n{plan}");
+        let bench = BenchFile::read("bench.toml", text.into_bytes()).expect("a bench");
+        let found = plans(&bench, folder.path());
+        let gone = folder.path().join("gone.toml").display().to_string();
+        speak_all(&found, &english::latin(&gone).collect::<Vec<_>>());
+        found
+    };
+    assert_eq!(found("").iter().map(|one| one.health).collect::<Vec<_>>(), [Health::Good]);
+    let gone = found("plan = \"gone.toml\"\n");
+    assert!(matches!(&gone[..], [one] if one.health == Health::Bad && one.what.contains("gone.toml")), "{gone:?}");
+    assert!(!gone[0].mend.is_empty());
+    let text = format!(
+        "plans = {{ incoming = \"sha256:{}\" }}\n[station]\nid = \"x\"\nplan = \"plan.toml\"\n",
+        "a".repeat(64)
+    );
+    fs::write(folder.path().join("plan.toml"), "name = \"incoming\"\n").expect("a file");
+    let bench = BenchFile::read("bench.toml", text.into_bytes()).expect("a bench");
+    let mistaken = plans(&bench, folder.path());
+    assert!(!mistaken.is_empty() && mistaken.iter().all(|one| one.health == Health::Bad), "{mistaken:?}");
+}
+
+/// Who repairs a bench learns before the shift that no run will count, and what to do.
+#[test]
+fn a_line_that_a_program_may_play_is_a_warning() {
+    let (_pty, port) = others::pseudo_terminal();
+    let names = port.display().to_string();
+    let names: Vec<&str> = english::latin(&names).chain(["gnc-station", "ports"]).collect();
+    for target in [
+        gnc_link::Target::Serial { port: port.clone(), rate_baud: 921_600 },
+        gnc_link::Target::Can(gnc_link::can::CanTarget::Slcan(port.clone())),
+    ] {
+        let found = lines::unproven(&target).expect("a finding");
+        assert_eq!(found.health, Health::Warning);
+        let what = format!(
+            "port {} is a pseudo-terminal; runs on this bench are unproven and count for no module",
+            port.display()
+        );
+        assert_eq!(found.what, what);
+        assert!(!found.mend.is_empty());
+        speak_all(&[found], &names);
+    }
+    // The kernel's answers that no computer of a test gives.
+    for doubt in [
+        gnc_link::Doubt::PortWithoutDevice("/dev/ttyr00".into()),
+        gnc_link::Doubt::VirtualInterface { interface: "can0".into(), kind: "vxcan".into() },
+        gnc_link::Doubt::InterfaceWithoutDevice("can0".into()),
+        gnc_link::Doubt::ControllerWithoutDevice("can0".into()),
+        gnc_link::Doubt::InterfaceNotAsked("can0".into()),
+    ] {
+        let names = "dev/ttyr00 dev/ttyACM0 can0 vxcan CAN sys slcan AF_NETLINK RestrictAddressFamilies systemd seccomp port ip br link type can";
+        let names: Vec<&str> = names.split(' ').collect();
+        speak_all(&[lines::warning(&doubt)], &names);
+    }
+}

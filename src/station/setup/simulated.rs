@@ -63,8 +63,12 @@ pub(super) fn check(args: &RunArgs, personality: &Path) -> Result<CheckedBench, 
 }
 
 /// Starts a simulated board at true speed, for a command that needs nothing else.
-pub(super) fn board_line(personality: &Path, link: SimLink) -> Result<(Target, RunningBench), CommandRefusal> {
-    let (personality, _) = read(personality, &gnc_text::shown_path(personality), Reach::Folder)?;
+pub(super) fn board_line(
+    personality: &Path,
+    link: SimLink,
+    reach: Reach,
+) -> Result<(Target, RunningBench), CommandRefusal> {
+    let (personality, _) = read(personality, &gnc_text::shown_path(personality), reach)?;
     let options = BenchOptions { personality, speed: Speed::Times(1.0), ..BenchOptions::default() };
     let running = start(&options, None)?;
     let target = match link {

@@ -55,6 +55,7 @@ impl Scene {
         let bench = BenchView {
             station: "line-2".into(),
             kind: BenchKind::Simulated,
+            unproven: None,
             name: "good".into(),
             link: String::new(),
             records: "records".into(),
@@ -89,6 +90,7 @@ impl Scene {
     pub(crate) fn unproven(&mut self) {
         if let Loaded::Ready(bench) = &mut self.model.bench {
             bench.kind = BenchKind::Unproven;
+            bench.unproven = Some("port /dev/pts/7 is a pseudo-terminal".to_owned());
         }
     }
 

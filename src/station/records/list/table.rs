@@ -62,6 +62,9 @@ pub(super) struct Line<'a> {
     /// The outcome of old samples that were judged by another plan: the module was not tested, so `outcome` and
     /// `selection_outcome` are null.
     rejudged_outcome: Option<Outcome>,
+    /// The outcome of a run on an unproven bench, which says nothing of a module: `outcome` and `selection_outcome` are
+    /// null, so that a program that knows nothing of such benches counts no pass.
+    unproven_outcome: Option<Outcome>,
 }
 
 /// The word of a list for how a record is kept; `None` while its station still closes it.
@@ -80,9 +83,10 @@ impl<'a> Line<'a> {
         let run = found.run.as_ref().ok();
         // A run at its very start has no whole event yet, which is no error.
         let error = found.run.as_ref().err().filter(|_| !found.running);
-        let (tested, rejudged) = match super::proved(found, kept) {
-            verdict if run.is_some_and(|run| run.recomputed.is_some()) => (None, verdict),
-            verdict => (verdict, None),
+        let (tested, rejudged, unproven) = match super::proved(found, kept) {
+            verdict if run.is_some_and(|run| run.recomputed.is_some()) => (None, verdict, None),
+            verdict if run.is_some_and(|run| run.bench.kind == BenchKind::Unproven) => (None, None, verdict),
+            verdict => (verdict, None, None),
         };
         Self {
             run: found.place(records),
@@ -90,6 +94,7 @@ impl<'a> Line<'a> {
             outcome: tested.and_then(Verdict::of_module),
             selection_outcome: tested.and_then(Verdict::of_selection),
             rejudged_outcome: rejudged.map(Verdict::of_items),
+            unproven_outcome: unproven.map(Verdict::of_items),
             serial_number: run.filter(|run| run.other_module.is_none()).map(|run| run.serial_number.as_str()),
             other_module: run.and_then(|run| run.other_module.as_ref()).map(both_numbers),
             plan: run.map(|run| run.plan.name.as_str()),
@@ -121,7 +126,7 @@ impl<'a> Line<'a> {
     }
 
     /// Each field with its name, in the order of the columns.
-    fn cells(&self) -> [(&'static str, String); 26] {
+    fn cells(&self) -> [(&'static str, String); 27] {
         let text = |text: Option<&str>| text.map(safe).unwrap_or_default();
         let outcome = |outcome: Option<Outcome>| outcome.map(Outcome::as_str).unwrap_or_default().to_owned();
         let time = |time: Option<DateTime<FixedOffset>>| {
@@ -154,6 +159,7 @@ impl<'a> Line<'a> {
             ("seal", self.seal.unwrap_or_default().to_owned()),
             ("bench", self.bench.unwrap_or_default().to_owned()),
             ("rejudged_outcome", outcome(self.rejudged_outcome)),
+            ("unproven_outcome", outcome(self.unproven_outcome)),
         ]
     }
 }

@@ -19,8 +19,10 @@ use gnc_executive::serial_number::SerialNumberPattern;
 pub(crate) struct BenchView {
     /// Which station.
     pub station: String,
-    /// Real or simulated.
+    /// Real, unproven or simulated.
     pub kind: BenchKind,
+    /// Why the bench is unproven, if it is.
+    pub unproven: Option<String>,
     /// The simulated module, or the bench's file.
     pub name: String,
     /// The way to the board.

@@ -97,6 +97,7 @@ fn bench_view(path: &str, checked: &CheckedBench) -> BenchView {
     BenchView {
         station: checked.station.clone(),
         kind: checked.bench.kind,
+        unproven: checked.bench.unproven.clone(),
         name: checked.bench.personality.clone().unwrap_or_else(|| path.to_owned()),
         // A simulated bench has another link for each module.
         link: checked.link().map(ToString::to_string).unwrap_or_default(),

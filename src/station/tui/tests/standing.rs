@@ -7,7 +7,7 @@ use gnc_executive::verdict::Verdict;
 use super::{fail, found, has_failed, look, never, scene};
 use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
-use crate::tui::model::Loaded;
+use crate::tui::model::{Loaded, MessageWeight};
 use crate::tui::scene::Scene;
 use crate::tui::update::{Effect, Msg};
 
@@ -26,6 +26,39 @@ fn a_second_test_is_asked_for() {
     scene.tell(earlier());
     assert_eq!(scene.key(Key::Enter), None, "a scanner sends that");
     assert!(matches!(scene.key(Key::F(2)), Some(Effect::Start(start)) if start.selection.is_none()));
+}
+
+/// Who sets a bench up learns before the first run that none will count, and why.
+#[test]
+fn the_setup_page_says_why_a_bench_is_unproven() {
+    for (lang, why) in [
+        (Lang::En, "UNPROVEN BENCH (port /dev/pts/7 is a pseudo-terminal)"),
+        (Lang::Zh, "端口 /dev/pts/7 是伪终端"),
+        (Lang::Ru, "порт /dev/pts/7 — псевдотерминал"),
+    ] {
+        let mut scene = scene(lang);
+        scene.unproven();
+        scene.key(Key::F(2));
+        // A wide character has two cells.
+        let text = scene.text().replace(' ', "");
+        assert!(text.contains(&why.replace(' ', "")), "{}", scene.text());
+    }
+}
+
+/// That others may change the records stays on the screen long enough to be read, with what to do about it.
+#[test]
+fn the_umask_is_a_warning_with_its_hint() {
+    for (lang, hint) in
+        [(Lang::En, "; start the station with `umask 022`"), (Lang::Zh, "umask 022"), (Lang::Ru, "запускайте станцию с `umask 022`")]
+    {
+        let mut scene = scene(lang);
+        let what = "the umask is 0000, so every user of this computer may change the records of new runs".to_owned();
+        scene.model.message = Some((MessageWeight::Info, "Run X is resumed.".to_owned()));
+        crate::tui::warn_of_umask(&mut scene.model, Some((what, "start the station with `umask 022`")));
+        let (weight, text) = scene.model.message.clone().expect("a message");
+        assert_eq!(weight, MessageWeight::Warning);
+        assert!(text.contains("0000") && text.contains(hint) && text.ends_with(" Run X is resumed."), "{text}");
+    }
 }
 
 /// What does not count for the module is shown as what it is. Only a whole run of this plan asks.

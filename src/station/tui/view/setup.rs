@@ -9,7 +9,7 @@ use ratatui::text::{Line, Span};
 use super::panels::{block, mistakes};
 use super::{style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{AfterFailure, Loaded, ScreenModel};
+use crate::tui::model::{AfterFailure, Loaded, MessageWeight, ScreenModel};
 use crate::tui::setup_form::{Form, FormLine, MAX_ROUNDS, RoundsKind};
 
 pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area: Rect) {
@@ -59,10 +59,21 @@ pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area
             let line = format!(" {} {}: {good}", text::shown(&plan.name), text::shown(&plan.version));
             let pinned = if plan.is_pinned { texts.plan_pinned } else { texts.plan_not_pinned };
             let pinned = format!(" SHA-256 {}: {pinned}", ShortDigest::of(&plan.sha256));
-            text::lines(frame, [Line::raw(line), Line::styled(pinned, style::faint())], below);
+            let mut lines = vec![Line::raw(line), Line::styled(pinned, style::faint())];
+            lines.extend(unproven(model, usize::from(below.width)));
+            text::lines(frame, lines, below);
         }
         _ => text::lines(frame, [Line::raw(format!(" {}", texts.loading))], below),
     }
+}
+
+/// Why no run on this bench will count for a module, before one is begun.
+fn unproven(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
+    let Loaded::Ready(bench) = &model.bench else { return Vec::new() };
+    let Some(why) = &bench.unproven else { return Vec::new() };
+    let why = fill(model.texts.unproven_long, &[&text::shown(&model.said(why))]);
+    let lines = text::wrap(&why, cells.saturating_sub(1)).into_iter();
+    lines.map(|line| Line::styled(format!(" {line}"), style::weight(model.look, MessageWeight::Warning))).collect()
 }
 
 fn label(model: &ScreenModel, form: &Form, line: FormLine) -> String {
