@@ -48,9 +48,11 @@ fn the_setup_page_says_why_a_bench_is_unproven() {
 /// That others may change the records stays on the screen long enough to be read, with what to do about it.
 #[test]
 fn the_umask_is_a_warning_with_its_hint() {
-    for (lang, hint) in
-        [(Lang::En, "; start the station with `umask 022`"), (Lang::Zh, "umask 022"), (Lang::Ru, "запускайте станцию с `umask 022`")]
-    {
+    for (lang, hint) in [
+        (Lang::En, "; start the station with `umask 022`"),
+        (Lang::Zh, "umask 022"),
+        (Lang::Ru, "запускайте станцию с `umask 022`"),
+    ] {
         let mut scene = scene(lang);
         let what = "the umask is 0000, so every user of this computer may change the records of new runs".to_owned();
         scene.model.message = Some((MessageWeight::Info, "Run X is resumed.".to_owned()));
