@@ -84,16 +84,16 @@ fn a_plan_stays_in_its_folder() {
         place.write("plans/plan.toml", &format!("{head}include = [\"{include}\"]\n"));
         let run = place.run(["plan", "check", "plans/plan.toml", "--sim"]);
         if stays {
-            check(&run, 0, &["no mistake"])
+            check(&run, 0, &["no mistake"]);
         } else {
-            check(&run, 2, &[outside])
+            check(&run, 2, &[outside]);
         }
         let args = ["--auto", "plans/plan.toml", "--sim", "--sim-speed", "max", "--serial-number", "A"];
         let run = place.run(args);
         if stays {
-            check(&run, 0, &[])
+            check(&run, 0, &[]);
         } else {
-            check(&run, 2, &[outside])
+            check(&run, 2, &[outside]);
         }
         check(&place.run(["plan", "check", "plans/plan.toml", "--sim", "--allow-outside"]), 0, &["no mistake"]);
         check(&place.run(args.into_iter().chain(["--allow-outside"])), 0, &[]);

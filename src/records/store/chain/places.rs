@@ -4,6 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::CHAIN;
 use super::read::name_in;
 use crate::store::reader;
 
@@ -27,6 +28,9 @@ pub(super) fn strays(records: &Path) -> Vec<String> {
             (true, _) => {
                 problems.append(&mut below);
                 problems.extend(serials.iter().chain(&runs).filter(|path| is_link(path)).map(|path| link(&name(path))));
+                let files = serials.iter().filter(|path| !is_of_chain(path)).chain(&runs).filter(|path| path.is_file());
+                let added = files.filter(|path| !is_link(path) && !is_litter(path));
+                problems.extend(added.map(|path| format!("{} was added: no station writes it there", name(path))));
             }
             (false, _) if holds_runs => {
                 problems.push(format!("{} holds runs, and its name is not that of a day (YYYY-MM-DD)", name(&day)));
@@ -36,6 +40,17 @@ pub(super) fn strays(records: &Path) -> Vec<String> {
         }
     }
     problems
+}
+
+/// Whether the file of a day is one of its chain.
+fn is_of_chain(file: &Path) -> bool {
+    file.file_stem().is_some_and(|stem| stem == CHAIN)
+}
+
+/// Whether a name is one that file managers, editors and file servers leave in each folder that they show.
+fn is_litter(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    name.starts_with('.') || name.ends_with('~') || ["Thumbs.db", "desktop.ini"].contains(&&*name)
 }
 
 fn link(name: &str) -> String {

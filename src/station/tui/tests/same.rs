@@ -381,7 +381,7 @@ fn a_run_that_broke_off_with_a_number_that_is_refused_today() {
     assert_eq!(by_screen(&args("screen", "--plan", &resume), || {}), None);
     for face in ["auto", "screen"] {
         let (runs, _) = place.said(face, None);
-        assert_eq!((runs.len(), &*ends(&runs)[1]), (2, "passed"), "{face}");
+        assert_eq!((runs.len(), ends(&runs)[1]), (2, "passed"), "{face}");
         assert!(runs[1].to_string().contains("Taken over from the interrupted run"), "{face}");
     }
 }
