@@ -97,7 +97,7 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         _ => whole?,
     };
     if let Err(error) = serial_number::check_signs(&serial_number, patterns())
-        && !is_resumed(args, &serial_number)
+        && !records::is_resumed(args, &serial_number)
     {
         return Err(in_words(&error));
     }
@@ -141,11 +141,6 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         began: None,
     };
     Ok((request, setup, bench.habits))
-}
-
-/// Whether the command line takes up a run of this module.
-pub(crate) fn is_resumed(args: &RunArgs, serial_number: &str) -> bool {
-    args.resume.as_deref().is_some_and(|run| records::resumes(&setup::records_folder(args), run, serial_number))
 }
 
 fn in_words(error: &SerialNumberError) -> CommandRefusal {
@@ -280,7 +275,7 @@ impl Observer for Shown<'_> {
         if let Some(junit) = &mut self.junit {
             junit.add(folder, ending);
         }
-        if let Some(error) = ending.store_error.as_ref().filter(|_| !folder.exists()) {
+        if let Some(error) = ending.store_error.as_ref().filter(|_| !ending.begun && !folder.exists()) {
             // The chain could not take up that the run begins, so it did not.
             complain(
                 format_args!(

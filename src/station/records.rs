@@ -15,7 +15,7 @@ use gnc_records::store::reader::{self, Wanted};
 use gnc_records::store::{StationKey, StoreError, chain, goes_on};
 use gnc_text::{exact, printable};
 
-use crate::args::RecordsCommand;
+use crate::args::{RecordsCommand, RunArgs};
 use crate::refusal::{CommandRefusal, refuse};
 use crate::wording::{Lines, Wording, padded};
 pub(crate) use place::RecordsArgs;
@@ -159,6 +159,11 @@ pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, Command
 pub(crate) fn resumes(records: &Path, named: &Path, serial_number: &str) -> bool {
     let run = to_resume(records, named).ok().and_then(|folder| reader::read(&folder).ok());
     run.is_some_and(|run| run.serial_number == serial_number)
+}
+
+/// Whether the command line takes up a run of this module.
+pub(crate) fn is_resumed(args: &RunArgs, serial_number: &str) -> bool {
+    args.resume.as_deref().is_some_and(|run| resumes(&crate::setup::records_folder(args), run, serial_number))
 }
 
 fn no_such(named: &Path, place: Option<&RecordsPlace>) -> ExitCode {

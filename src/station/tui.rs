@@ -87,7 +87,7 @@ pub(crate) fn run(args: &RunArgs) -> ExitCode {
 /// The serial number of the command line, as a scan on the screen is read.
 fn number_given(args: &RunArgs, given: &str) -> Result<String, SerialNumberError> {
     let number = framing::given(given)?;
-    if serial_number::check_signs(&number, []).is_err() && !crate::auto::is_resumed(args, &number) {
+    if serial_number::check_signs(&number, []).is_err() && !crate::records::is_resumed(args, &number) {
         // The screen tells what is wrong with bench and plan. A pattern that cannot be read names no other signs.
         let of_bench = setup::check(args).ok().and_then(|bench| bench.serial_number);
         let plan = args.plan.as_deref().and_then(|plan| files::plan(plan, args.reach()).ok());
