@@ -4,15 +4,13 @@ use std::fs;
 use std::io::{BufRead as _, BufReader};
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::PathBuf;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
 use gnc_tests::{Place, read_json};
 use nix::sys::signal::Signal;
-use nix::sys::stat::Mode;
-use nix::unistd::mkfifo;
 
 use crate::terminal::Terminal;
 use crate::{ESC, F2, F5, F10, STATION, mock, open, outcomes};
@@ -298,8 +296,17 @@ fn a_killed_run_is_told_at_the_next_start() {
     );
 }
 
-/// The disk is slow: the search for a run that broke off waits for a journal, here a pipe without a writer. Meanwhile the
-/// screen is drawn and takes a scan.
+/// Lends a journal out as a file server does: who opens it waits until it is given back. It tells when it is asked for.
+const HOLDER: &str = "import fcntl, os, signal, sys\n\
+    held = os.open(sys.argv[1], os.O_RDWR)\n\
+    signal.signal(signal.SIGIO, lambda *_: print('asked for', flush=True))\n\
+    fcntl.fcntl(held, fcntl.F_SETLEASE, fcntl.F_WRLCK)\n\
+    print('held', flush=True)\n\
+    sys.stdin.read()\n\
+    fcntl.fcntl(held, fcntl.F_SETLEASE, fcntl.F_UNLCK)\n";
+
+/// The disk is slow: the search for a run that broke off waits for a journal, here one that another program has on loan.
+/// Meanwhile the screen is drawn and takes a scan.
 #[test]
 fn the_search_for_a_broken_run_delays_no_picture() {
     let place = Place::new(STATION);
@@ -307,20 +314,28 @@ fn the_search_for_a_broken_run_delays_no_picture() {
     let newest = old_runs(&place, 2000).join("OLD-0/235959-long");
     fs::create_dir_all(&newest).expect("a folder");
     fs::write(newest.join("log.txt"), "a run").expect("a file");
-    let pipe = newest.join("events.jsonl");
-    mkfifo(&pipe, Mode::S_IRUSR | Mode::S_IWUSR).expect("a pipe");
+    let journal = newest.join("events.jsonl");
+    fs::write(&journal, "no event\n").expect("a journal");
+    let mut holder = Command::new("python3")
+        .args(["-c", HOLDER])
+        .arg(&journal)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("python3");
+    let (tell, told) = mpsc::channel();
+    let lines = BufReader::new(holder.stdout.take().expect("its output")).lines();
+    thread::spawn(move || lines.map_while(Result::ok).try_for_each(|line| tell.send(line)));
+    let told = || told.recv_timeout(Duration::from_secs(60)).expect("the search does not read the newest run");
+    assert_eq!(told(), "held");
     let mut terminal = open(&place, &["--sim", "--sim-speed", "max", "--plan", "short.toml"], 80, 24);
     terminal.wait_for("limits 1");
     terminal.types(b"T-1\r");
     terminal.wait_for("T-1: F5 starts the test.");
-    // Opening a pipe to write waits for one who reads it: the search waits there now, and not before the picture.
-    let (tell, opened) = mpsc::channel();
-    let path = pipe.clone();
-    thread::spawn(move || tell.send(fs::OpenOptions::new().write(true).open(path)));
-    let writer = opened.recv_timeout(Duration::from_secs(60)).expect("the search does not read the newest run");
-    // From now on it cannot be opened any more, and the search that reads it comes to its end.
-    fs::remove_file(&pipe).expect("a pipe");
-    drop(writer);
+    // The search waits there now, and not before the picture.
+    assert_eq!(told(), "asked for");
+    drop(holder.stdin.take());
+    assert!(holder.wait().expect("its end").success());
     terminal.types(F5);
     ends(&mut terminal, "passed");
     leaves(terminal);
