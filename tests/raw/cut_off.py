@@ -26,19 +26,39 @@ def capture_of(run):
 
 
 def copies(run):
-    return sorted(run.parent.glob(f"{run.name}-cut-*"))
+    """Named as runs of one second are."""
+    return sorted(run.parent.glob(f"{run.name}-[0-9]*"))
 
 
 def cut(run, kept, places):
     whole = capture_of(run).read_bytes()
     kept.mkdir()
     for number in range(places):
-        copy = run.parent / f"{run.name}-cut-{number:03}"
+        copy = run.parent / f"{run.name}-{number + 2}"
         shutil.copytree(run, copy)
         before = whole[:len(whole) * number // (places - 1)]
         capture_of(copy).write_bytes(before)
         (kept / f"{copy.name}.mcap").write_bytes(before)
+    begin(run, copies(run))
     print(f"{places} copies, cut off between byte 0 and byte {len(whole)}")
+
+
+def begin(run, runs):
+    """Lines that these runs began, behind those of the chain: a start closes no run that the chain did not begin."""
+    records = run.parents[2]
+    chain = run.parents[1] / "CHAIN"
+    words = [line.split(" ") for line in chain.read_text().splitlines()]
+    [(station, time)] = [line[5:7] for line in words if line[4] == "begin" and line[7].endswith(run.name)]
+    number, link = int(words[-1][0]), words[-1][3]
+    with chain.open("a") as lines:
+        for one in runs:
+            first = (one / "events.jsonl").read_bytes().splitlines(keepends=True)[0]
+            digest = hashlib.sha256(first).hexdigest()
+            tail = f"begin {station} {time} {one.relative_to(records)}"
+            before, number = link, number + 1
+            link = hashlib.sha256(f"{number} {before} {digest} {tail}".encode()).hexdigest()
+            lines.write(f"{number} {before} {digest} {link} {tail}\n")
+    (records / "COUNTER").write_text(f"{number} {link}\n")
 
 
 def messages(reader):
