@@ -104,7 +104,7 @@ fn other(folder: &Path, path: &Path, reach: Reach, key: Option<StationKey>) -> R
     let again = again::judge(&run, plan, Some(of))?;
     // A simulated run is never evidence, and is not signed.
     let key = key.filter(|_| run.header.bench.kind != BenchKind::Simulated);
-    // The samples of a run that somebody else wrote do not become this station's by a new judgement.
+    // A new judgement does not make another station's samples those of this one.
     let is_foreign = key.as_ref().is_some_and(|key| reader::verify_signature(folder, &[key.public()]).is_some());
     let path = file(folder, plan, &again, key.filter(|_| !is_foreign))?;
     let mut out = Lines::to_stdout();

@@ -224,7 +224,7 @@ fn first_model(
     model
 }
 
-/// Whoever may change records is more than news. What the line of messages says already stays beside it.
+/// That other users may change records is a warning and not news. What the line of messages says already stays beside it.
 fn warn_of_umask(model: &mut ScreenModel, doubt: Option<(String, &str)>) {
     let Some((what, try_this)) = doubt else { return };
     let warning = in_language(&format!("{what}; {try_this}"), model.lang).into_owned();

@@ -1,4 +1,4 @@
-//! Characters that nobody sees and that names need: joiners between the letters of Persian, Hindi or Sinhala, and the joiners
+//! Invisible characters that names need: joiners between the letters of Persian, Hindi or Sinhala, and the joiners
 //! and selectors of emoji. They stand where the writing needs them, and nowhere else.
 
 use unicode_width::UnicodeWidthChar as _;
@@ -131,7 +131,7 @@ mod tests {
 
     use crate::{exact, is_hidden, printable, quoted};
 
-    /// Names as people write them, each with a character that nobody sees.
+    /// Names as people write them, each with an invisible character.
     const NAMES: [&str; 12] = [
         "علی\u{200c}رضا کریمی",
         "می\u{200c}خواهم",

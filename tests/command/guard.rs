@@ -5,27 +5,18 @@ use std::io::{BufRead as _, BufReader};
 use std::os::unix::fs::{PermissionsExt as _, symlink};
 use std::process::{Command, Stdio};
 
-use gnc_tests::{Place, Run, functional_plan};
+use gnc_tests::{Place, functional_plan};
 use nix::fcntl::{Flock, FlockArg};
 use nix::sys::signal::{Signal, kill};
 use nix::sys::stat::Mode;
 use nix::unistd::{Pid, Uid};
 
-use super::STATION;
+use super::{STATION, check};
 
 /// User and group without any other process.
 const LONELY: &str = "65531";
 /// Fewer threads than a run takes.
 const FEW: &str = "--nproc=6";
-
-#[track_caller]
-fn check(run: &Run, code: i32, words: &[&str]) {
-    let said = format!("{}{}", run.stdout, run.stderr);
-    assert_eq!(run.code, Some(code), "{said}");
-    for word in words {
-        assert!(said.contains(word), "{word:?} is missing: {said}");
-    }
-}
 
 /// A pipe without a writer would hang each of these commands, and a device has no end. Each says at once what it was given.
 #[test]

@@ -13,5 +13,17 @@ mod place;
 mod trust;
 mod wording;
 
+use gnc_tests::Run;
+
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 const MOCK: &str = env!("CARGO_BIN_EXE_mock-under-test");
+
+/// A command's exit code, and what it must have said.
+#[track_caller]
+fn check(run: &Run, code: i32, words: &[&str]) {
+    let said = format!("{}{}", run.stdout, run.stderr);
+    assert_eq!(run.code, Some(code), "{said}");
+    for word in words {
+        assert!(said.contains(word), "{word:?} is missing: {said}");
+    }
+}

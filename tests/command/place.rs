@@ -4,7 +4,7 @@ use std::fs;
 
 use gnc_tests::{Place, Run};
 
-use super::STATION;
+use super::{STATION, check};
 
 /// A folder with a bench file that names its records folder, which holds one run.
 fn with_bench() -> Place {
@@ -13,15 +13,6 @@ fn with_bench() -> Place {
     let ended = place.functional("--sim", &["--sim-speed", "max", "--only", "cpu", "--records", "archive"]);
     assert_eq!(ended.code, Some(5), "{}{}", ended.stdout, ended.stderr);
     place
-}
-
-#[track_caller]
-fn check(run: &Run, code: i32, words: &[&str]) {
-    let said = format!("{}{}", run.stdout, run.stderr);
-    assert_eq!(run.code, Some(code), "{said}");
-    for word in words {
-        assert!(said.contains(word), "{word:?} is missing: {said}");
-    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Plans that a bench file pins by their digests: a bench runs these texts and no others under these names.
 //!
-//! A plan keeps its name and its version when somebody loosens a limit in it. Its digest does not stay.
+//! A plan with a loosened limit keeps its name and its version. Its digest changes.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(file(""), Ok(PinnedPlans::default()));
     }
 
-    /// A pass of a plan that nobody pinned may come from any text.
+    /// A plan without a pin passes with any text.
     #[test]
     fn a_plan_that_a_pinned_one_requires_is_pinned_too() {
         let requires = |plans: &str| {

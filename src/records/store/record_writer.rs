@@ -313,7 +313,7 @@ impl JournalFile {
         self.folder.put(&name, |out| pretty(out, &file))
     }
 
-    /// Writes into the chain that the run begins. Whoever waits for the first event waits for this line. Without it the run does
+    /// Writes into the chain that the run begins. The wait for the first event includes this line. Without it the run does
     /// not begin, and its folder goes.
     fn begin(&mut self, header: &RunHeader, event: &Event) -> Result<(), StoreError> {
         let station = header.station.as_str();

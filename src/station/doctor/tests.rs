@@ -148,7 +148,7 @@ fn a_bench_file_with_mistakes_is_bad_and_one_that_is_missing_a_warning() {
     assert_eq!(found[0].health, Health::Bad, "a file that was named must be there: {}", found[0]);
 }
 
-/// The plan with which the screen opens: a bench with a plan that nobody can run is no good bench.
+/// The plan with which the screen opens: a bench whose own plan cannot run is not good.
 #[test]
 fn a_plan_of_the_bench_file_that_is_refused_is_bad() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -244,7 +244,10 @@ impl ChainEntry {
             }
         }
         let is_whole = entry.line().strip_suffix('\n') == Some(line);
-        Some(entry).filter(|_| is_whole)
+        // The station writes small letters; another form of the same signature is a change.
+        let is_digits = |text: &String| text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
+        let is_as_signed = entry.signature.as_ref().is_none_or(is_digits);
+        Some(entry).filter(|_| is_whole && is_as_signed)
     }
 
     pub(super) fn is_true(&self) -> bool {

@@ -67,6 +67,10 @@ fn a_link_is_what_the_document_says() {
     {
         assert_eq!(ChainEntry::parse(&other), None, "{other}");
     }
+    // The signature is no part of the link, so its form has to be held apart.
+    let signed = |signature: &str| ChainEntry::parse(&format!("{old} sig {signature}"));
+    assert!(signed("00af").is_some());
+    assert!(["00AF", "00aF", "0xaf", "00ag"].iter().all(|other| signed(other).is_none()));
 }
 
 #[test]
