@@ -23,7 +23,8 @@ use apart::Apart;
 
 use crate::store::chain::{DayLinks, OpenRun};
 use crate::store::digest::{self, FileDigests};
-use crate::store::{self, DIGESTS, JOURNAL, RECORD, StoreError, chain, name, reader};
+use crate::store::reader::MAX_RECORD_BYTES;
+use crate::store::{self, DIGESTS, JOURNAL, MAX_FIRST_EVENT_BYTES, RECORD, StoreError, chain, name, reader};
 
 /// Most closed runs of a module whose records are opened to find one that counts: more than a socket can make of one
 /// module in a month.
@@ -32,11 +33,6 @@ const MAX_COUNTED: usize = 10_000;
 /// Most runs that are opened to find out what to call a module of which nothing counts. What came after a run that counts is
 /// judged without a bound: old failures must not disappear behind many harmless runs.
 const MAX_NAMED: usize = 50;
-
-/// Longest record of a run: that of a calibration has some megabytes, and the largest plan 20,000 items.
-const MAX_RECORD_BYTES: u64 = 256 << 20;
-/// Longest first line of a journal: it names all items of a plan, at most 20,000.
-const MAX_FIRST_LINE: u64 = 16 << 20;
 
 /// Days around the date of a run: its folder has the date of its place, and the question that of another.
 const DATE_SLACK: TimeDelta = TimeDelta::days(1);
@@ -397,7 +393,7 @@ fn facts(folder: &Path) -> Option<RunFacts> {
 fn begun(folder: &Path) -> Option<RunFacts> {
     let mut line = Vec::new();
     let journal = BufReader::new(gnc_files::own(&folder.join(JOURNAL)).ok()?);
-    journal.take(MAX_FIRST_LINE).read_until(b'\n', &mut line).ok()?;
+    journal.take(MAX_FIRST_EVENT_BYTES).read_until(b'\n', &mut line).ok()?;
     let event: Event = serde_json::from_slice(&line).ok()?;
     let EventKind::RunStarted { header, .. } = event.kind else { return None };
     Some(RunFacts {

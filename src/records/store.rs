@@ -27,6 +27,7 @@ use std::path::{Path, PathBuf};
 
 use gnc_executive::state::OutOfOrder;
 
+pub(crate) use begun::MAX_FIRST_EVENT_BYTES;
 pub use begun::was_never_begun;
 pub use closing::{goes_on, pretty};
 pub use folder::RunFolder;

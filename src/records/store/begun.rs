@@ -8,7 +8,7 @@ use super::folder::PART;
 use super::{DIGESTS, JOURNAL, PLAN, digest};
 
 /// Longest first event: it names all items of a plan, at most 20,000. A power cut may leave as many zeros in its place.
-pub(super) const MAX_FIRST_EVENT_BYTES: u64 = 16 << 20;
+pub(crate) const MAX_FIRST_EVENT_BYTES: u64 = 16 << 20;
 
 /// Whether a run's folder holds no more than its plan and a journal without a whole event. While a station holds the folder
 /// this is how each run begins.

@@ -24,7 +24,7 @@ use super::{
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
 
 /// Longest record for programs, and paper: a record holds what its journal says, in less than a quarter of the bytes.
-pub(super) const MAX_RECORD_BYTES: u64 = 256 << 20;
+pub(crate) const MAX_RECORD_BYTES: u64 = 256 << 20;
 
 /// Longest list of digests: that of a run of 20,000 items with all of their files.
 const MAX_DIGESTS_BYTES: u64 = 64 << 20;
