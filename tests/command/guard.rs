@@ -6,7 +6,6 @@ use std::os::unix::fs::{PermissionsExt as _, symlink};
 use std::process::{Command, Stdio};
 
 use gnc_tests::{Place, functional_plan};
-use nix::fcntl::{Flock, FlockArg};
 use nix::sys::signal::{Signal, kill};
 use nix::sys::stat::Mode;
 use nix::unistd::{Pid, Uid};
@@ -140,7 +139,8 @@ fn signals_end_a_run_that_waits() {
     let mut station = place.station(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the station");
     let mut events = BufReader::new(station.stdout.take().expect("its output")).lines();
     assert!(events.any(|line| line.is_ok_and(|line| line.contains("run_started"))));
-    let lock = Flock::lock(File::open(&records).expect("a folder"), FlockArg::LockExclusive);
+    let lock = File::open(&records).expect("a folder");
+    lock.lock().expect("a lock");
     let pid = Pid::from_raw(i32::try_from(station.id()).expect("a process"));
     // Two signals of one kind at the same moment are one.
     for signal in [Signal::SIGINT, Signal::SIGTERM] {

@@ -1,14 +1,12 @@
 //! Closes a run's folder: it makes the files for people and programs from the journal, then the digests of all files,
 //! then the entry in the chain. If the program or the computer died before that, the next start does it ([`super::recovery`]).
 
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::Path;
 
 use gnc_executive::record::RunRecord;
 use gnc_executive::text;
-use nix::errno::Errno;
-use nix::fcntl::{Flock, FlockArg};
 
 use super::chain::{LateClose, Place, Scribe};
 use super::cut_off::CutOffFile;
@@ -20,8 +18,9 @@ use crate::report::{self, REPORT};
 
 /// Locks a journal, so that a search for interrupted runs sees that this run goes on. The kernel releases the lock when
 /// the program dies.
-pub(super) fn hold(journal: File, path: &Path) -> Result<Flock<File>, StoreError> {
-    on(Flock::lock(journal, FlockArg::LockExclusiveNonblock).map_err(|(_, error)| error.into()), "lock", path)
+pub(super) fn hold(journal: File, path: &Path) -> Result<File, StoreError> {
+    on(journal.try_lock().map_err(io::Error::from), "lock", path)?;
+    Ok(journal)
 }
 
 /// Whether a station is writing a run now: it holds the run's folder, and soon its journal.
@@ -30,12 +29,12 @@ pub fn goes_on(run: &Path) -> bool {
     // A journal without a byte may be one that its station is about to lock: this look must not take the lock from it.
     let journal = gnc_files::own(&run.join(JOURNAL)).ok();
     let journal = journal.filter(|journal| journal.metadata().is_ok_and(|meta| meta.len() > 0));
-    [File::open(run).ok(), journal].into_iter().flatten().any(is_held)
+    [File::open(run).ok(), journal].into_iter().flatten().any(|file| is_held(&file))
 }
 
 /// Whether a program holds the lock of a file or a folder. On a disk without locks this is unknown, and the answer is no.
-fn is_held(file: File) -> bool {
-    matches!(Flock::lock(file, FlockArg::LockSharedNonblock), Err((_, Errno::EAGAIN)))
+fn is_held(file: &File) -> bool {
+    matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
 
 /// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end. The mark of a late close is for a

@@ -8,7 +8,6 @@ use std::sync::{Arc, OnceLock};
 use chrono::{DateTime, FixedOffset};
 pub(super) use gnc_files::PART;
 use gnc_files::{Part, Refused};
-use nix::fcntl::{Flock, FlockArg};
 
 use super::begun::was_never_begun;
 use super::{StationKey, StoreError, UNASSIGNED, name, on};
@@ -29,7 +28,7 @@ pub struct RunFolder {
     key: Option<StationKey>,
     /// Shows from the first moment on that the run goes on, long before a slow disk has its journal. Nothing depends on it
     /// but what a list says, so a folder that cannot be locked is as good.
-    _held: Option<Arc<Flock<File>>>,
+    _held: Option<Arc<File>>,
 }
 
 impl RunFolder {
@@ -97,7 +96,7 @@ impl RunFolder {
         Self::at(path.to_owned(), None)
     }
 
-    fn at(path: PathBuf, held: Option<Flock<File>>) -> Self {
+    fn at(path: PathBuf, held: Option<File>) -> Self {
         Self { path, moved: Arc::default(), key: None, _held: held.map(Arc::new) }
     }
 
@@ -123,7 +122,7 @@ impl RunFolder {
                 Ok(()) => {
                     let held = File::open(&path).ok();
                     // It waits for the start of another station that is taking the empty folder away.
-                    let held = held.and_then(|folder| Flock::lock(folder, FlockArg::LockExclusive).ok());
+                    let held = held.filter(|folder| folder.lock().is_ok());
                     if path.is_dir() {
                         return Ok(Self::at(path, held));
                     }

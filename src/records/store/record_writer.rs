@@ -15,7 +15,6 @@ use gnc_executive::event::{Event, EventKind, RunHeader};
 use gnc_executive::plan::Plan;
 use gnc_executive::record::{ItemFile, RunRecord};
 use gnc_executive::state::RunState;
-use nix::fcntl::Flock;
 use tokio::sync::{mpsc, oneshot};
 
 use super::chain::{self, Place, Scribe};
@@ -220,7 +219,7 @@ fn closed() -> StoreError {
 struct JournalFile {
     folder: RunFolder,
     /// The lock that is held while the run goes on.
-    journal: Flock<File>,
+    journal: File,
     /// At least up to the event being written. What an event closes does not change after it.
     state: Arc<Mutex<RunState>>,
     watchers: Vec<Watcher>,

@@ -10,7 +10,6 @@ use chrono::{DateTime, FixedOffset};
 use gnc_executive::event::{BenchKind, ProgramVersion};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
-use nix::fcntl::{Flock, FlockArg};
 
 use super::begun::was_never_begun;
 use super::chain::{self, Before, Beginning, Begun, Scribe, SignedBy};
@@ -165,8 +164,7 @@ fn take_away(records: &Path, run: &Path) -> Option<String> {
     let name = gnc_text::shown_path(run.strip_prefix(records).unwrap_or(run));
     // A folder that a person made is none of a run, and a station that begins a run in it would hold its lock.
     let of_run = run.file_name().is_some_and(|name| folder::is_name_of_run(&name.to_string_lossy()));
-    let _held =
-        File::open(run).ok().filter(|_| of_run).map(|dir| Flock::lock(dir, FlockArg::LockExclusiveNonblock))?.ok()?;
+    let _held = File::open(run).ok().filter(|dir| of_run && dir.try_lock().is_ok())?;
     // A run that the chain names, and that lost its journal, is not taken away.
     if !was_never_begun(run) || !chain::is_named(run).is_ok_and(|is_named| !is_named) {
         return None;

@@ -5,14 +5,12 @@
 //! it cannot be written, the run is closed all the same, `records verify` names the difference, and the next run or the next
 //! start mends it. So no error can leave a run that one face calls closed and another one not.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{self, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use gnc_files::{PART, Part};
-use nix::errno::Errno;
-use nix::fcntl::{Flock, FlockArg};
 
 use super::entry::{ChainEntry, Kind, Place, Scribe};
 use super::read::{chain_of, chains, counter, name_in};
@@ -73,7 +71,7 @@ pub(super) fn above(run: &Path) -> Result<(&Path, &Path), StoreError> {
 /// The chain of a records folder, held alone.
 pub(super) struct Book<'a> {
     records: &'a Path,
-    _lock: Flock<File>,
+    _lock: File,
 }
 
 impl<'a> Book<'a> {
@@ -115,24 +113,24 @@ fn is_not_the_last(number: u64) -> io::Result<()> {
     if number < u64::MAX { Ok(()) } else { Err(io::Error::new(io::ErrorKind::InvalidData, why)) }
 }
 
-/// Takes the lock of the whole folder: only one station at a time.
-pub(super) fn lock(records: &Path) -> Result<Flock<File>, StoreError> {
+/// Takes the lock of the whole folder: only one station at a time. It is released when the descriptor is closed, which cannot fail.
+pub(super) fn lock(records: &Path) -> Result<File, StoreError> {
     lock_within(records, LOCKED_FOR)
 }
 
 #[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
-pub(super) fn lock_within(records: &Path, wait: Duration) -> Result<Flock<File>, StoreError> {
+pub(super) fn lock_within(records: &Path, wait: Duration) -> Result<File, StoreError> {
     let began = Instant::now();
-    let mut folder = on(File::open(records), "read", records)?;
+    let folder = on(File::open(records), "read", records)?;
     loop {
-        match Flock::lock(folder, FlockArg::LockExclusiveNonblock) {
-            Ok(lock) => return Ok(lock),
-            Err((back, Errno::EAGAIN)) if began.elapsed() < wait => folder = back,
-            Err((_, Errno::EAGAIN)) => {
+        match folder.try_lock() {
+            Ok(()) => return Ok(folder),
+            Err(TryLockError::WouldBlock) if began.elapsed() < wait => {}
+            Err(TryLockError::WouldBlock) => {
                 let why = format!("another program holds it for more than {} s", wait.as_secs());
                 return on(Err(io::Error::new(io::ErrorKind::ResourceBusy, why)), "lock", records);
             }
-            Err((_, error)) => return on(Err(error.into()), "lock", records),
+            Err(TryLockError::Error(error)) => return on(Err(error), "lock", records),
         }
         std::thread::sleep(LOOK_EVERY);
     }
