@@ -8,6 +8,6 @@ mod open;
 mod part;
 
 pub use open::{
-    Reach, Refused, below, is_refused, named, named_beginning, open, own, read, read_beginning, read_below, text,
+    Reach, Refused, below, is_refused, named, named_beginning, open, own, read, read_beginning, read_below, text, whole,
 };
 pub use part::{PART, Part, append, create_new, put};

@@ -235,7 +235,11 @@ pub fn text(path: &Path, limit: u64) -> io::Result<String> {
     String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
 }
 
-fn whole(file: File, limit: u64) -> io::Result<Vec<u8>> {
+/// Reads the rest of an open file, at most `limit` bytes.
+///
+/// # Errors
+/// The error of the system; [`Refused::TooLong`].
+pub fn whole(file: File, limit: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit { Err(Refused::TooLong { limit }.into()) } else { Ok(bytes) }

@@ -59,6 +59,11 @@ impl Part {
         self.file.sync_all()
     }
 
+    /// Leaves the file under the part's name: its writer gives it its name later.
+    pub fn leave(mut self) {
+        self.is_placed = true;
+    }
+
     /// Gives the file its name. What has the name is replaced; a link there is replaced, too, and not followed.
     ///
     /// # Errors

@@ -363,7 +363,9 @@ fn unchanged(folder: &Path, state: &RunState) -> Result<(), ResumeError> {
     if !folder.join(DIGESTS).exists() {
         return Ok(());
     }
-    if let Some(what) = reader::verify(folder).into_iter().next() {
+    let added = reader::strangers(folder);
+    let added = added.iter().map(|file| reader::was_added(file));
+    if let Some(what) = reader::changes(folder).into_iter().chain(added).next() {
         return Err(ResumeError::Changed { what });
     }
     match chain::standing(folder) {

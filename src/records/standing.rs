@@ -23,8 +23,7 @@ use apart::Apart;
 
 use crate::store::chain::{DayLinks, OpenRun};
 use crate::store::digest::{self, FileDigests};
-use crate::store::reader::MAX_RECORD_BYTES;
-use crate::store::{self, DIGESTS, JOURNAL, MAX_FIRST_EVENT_BYTES, RECORD, StoreError, chain, name, reader};
+use crate::store::{self, DIGESTS, JOURNAL, MAX_FIRST_EVENT_BYTES, RECORD, StoreError, chain, name, pending, reader};
 
 /// Most closed runs of a module whose records are opened to find one that counts: more than a socket can make of one
 /// module in a month.
@@ -371,7 +370,7 @@ fn is_own_folder(path: &Path) -> bool {
 
 /// What the record of a run says; `None` if it has none, or a damaged one.
 fn facts(folder: &Path) -> Option<RunFacts> {
-    let bytes = gnc_files::read_below(folder, Path::new(RECORD), MAX_RECORD_BYTES).ok()?;
+    let bytes = reader::paper(folder, RECORD).ok()?;
     let head: RecordHead = serde_json::from_slice(&bytes).ok()?;
     let outcome = head.outcome.or(head.selection_outcome)?;
     Some(RunFacts {
@@ -449,7 +448,9 @@ impl<'a> Seals<'a> {
         let as_closed = link.is_sound && sums.is_ok_and(|sums| sums == link.digest) && {
             let promised = FileDigests::read(run).map(|(sums, _)| sums).unwrap_or_default();
             let is_as_promised = |file: &str| {
-                let found = || digest::of_file(&run.join(file)).ok();
+                // Its station may give it its name between the two steps.
+                let look = || digest::of_file(&pending::path(run, file));
+                let found = || look().or_else(|_| look()).ok();
                 match promised.get(file) {
                     Some(promised) => found().as_deref() == Some(promised),
                     None => file != RECORD && run.join(file).symlink_metadata().is_err(),

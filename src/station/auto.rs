@@ -21,7 +21,7 @@ use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
-use gnc_records::store::{RunFolder, Watcher};
+use gnc_records::store::{RunFolder, Watcher, reader};
 use gnc_text::{printable, with_causes};
 
 use crate::args::RunArgs;
@@ -293,6 +293,9 @@ impl Observer for Shown<'_> {
                 ),
                 error.try_this(),
             );
+        }
+        if let Some((what, hint)) = reader::of_strangers(folder) {
+            complain(what, hint);
         }
         if let Some(hooks) = &self.hooks
             && let Err(why) = hooks.tell(folder, self.serial_number, ending.verdict)

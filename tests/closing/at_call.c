@@ -3,6 +3,8 @@
 
      AT_CALL=N        the number of the call, from 1; 0 breaks none
      AT_CALL_ERROR=E  the call fails with this errno; without it, the program is killed behind the call, which was made
+     AT_CALL2=M       the call with this number fails, too, as one that takes back what was done
+     AT_CALL_FROM=1   all calls from N on fail: a disk that died stays dead. With ENOSPC those fail that ask for room or write
      AT_CALL_BEGIN=1  the calls of the beginning
      AT_CALL_LOG=F    the names of all counted calls, one a line */
 #define _GNU_SOURCE
@@ -45,17 +47,33 @@ static void to_log(const char *call) {
     }
 }
 
+/* Whether a full disk can refuse a call. */
+static int grows(const char *call) {
+    const char *names[] = {"write", "mkdir", "rename", "fsync", "fdatasync", "syncfs", "new "};
+    for (unsigned i = 0; i < sizeof names / sizeof *names; i++)
+        if (strncmp(call, names[i], strlen(names[i])) == 0) return 1;
+    return 0;
+}
+
 /* 0: make the call; 1: make it and be killed; else fail with this errno. */
 static int chosen(const char *call) {
     if (!writes() || !counts) return 0;
     number++;
     to_log(call);
-    const char *at = getenv("AT_CALL");
-    if (!at || atoi(at) != number) return 0;
-    const char *error = getenv("AT_CALL_ERROR");
+    const char *at = getenv("AT_CALL"), *second = getenv("AT_CALL2"), *error = getenv("AT_CALL_ERROR");
+    if (!at) return 0;
+    int first = atoi(at);
+    int is_from = getenv("AT_CALL_FROM") && number > first && (!error || atoi(error) != ENOSPC || grows(call));
+    if (number != first && !is_from && !(second && atoi(second) == number)) return 0;
     if (!error) return 1;
     errno = atoi(error);
     return errno;
+}
+
+/* What the station says, and the pipes between its threads, are on no disk. */
+static int is_on_disk(int fd) {
+    struct stat found;
+    return syscall(SYS_fstat, fd, &found) == 0 && S_ISREG(found.st_mode);
 }
 
 #define REAL(name) (__typeof__(&name))dlsym(RTLD_NEXT, #name)
@@ -70,6 +88,7 @@ static int chosen(const char *call) {
 ssize_t write(int fd, const void *bytes, size_t length) {
     const char *from = getenv("AT_CALL_BEGIN") ? "\"kind\":\"run_started\"" : "\"kind\":\"run_ended\"";
     if (writes() && memmem(bytes, length, "{\"seq\":", 7)) counts = memmem(bytes, length, from, strlen(from)) != NULL;
+    if (!is_on_disk(fd)) return (REAL(write))(fd, bytes, length);
     BREAK("write", (REAL(write))(fd, bytes, length), -1);
 }
 
@@ -80,7 +99,7 @@ ssize_t write(int fd, const void *bytes, size_t length) {
         mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(more, mode_t) : 0;                                                \
         va_end(more);                                                                                                          \
         char call[256];                                                                                                        \
-        snprintf(call, sizeof call, "open %s", path);                                                                          \
+        snprintf(call, sizeof call, "%s%s %s", flags & O_CREAT ? "new " : "", "open", path);                                                                          \
         BREAK(call, (REAL(name))(path, flags, mode), -1);                                                                      \
     }
 OPEN(open)
@@ -93,13 +112,16 @@ OPEN(open64)
         mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(more, mode_t) : 0;                                                \
         va_end(more);                                                                                                          \
         char call[256];                                                                                                        \
-        snprintf(call, sizeof call, "openat %s", path);                                                                        \
+        snprintf(call, sizeof call, "%s%s %s", flags & O_CREAT ? "new " : "", "openat", path);                                                                        \
         BREAK(call, (REAL(name))(dir, path, flags, mode), -1);                                                                 \
     }
 OPENAT(openat)
 OPENAT(openat64)
 
-ssize_t read(int fd, void *bytes, size_t length) { BREAK("read", (REAL(read))(fd, bytes, length), -1); }
+ssize_t read(int fd, void *bytes, size_t length) {
+    if (!is_on_disk(fd)) return (REAL(read))(fd, bytes, length);
+    BREAK("read", (REAL(read))(fd, bytes, length), -1);
+}
 int fsync(int fd) { BREAK("fsync", (REAL(fsync))(fd), -1); }
 int fdatasync(int fd) { BREAK("fdatasync", (REAL(fdatasync))(fd), -1); }
 int syncfs(int fd) { BREAK("syncfs", (REAL(syncfs))(fd), -1); }

@@ -46,7 +46,8 @@ impl CutOff {
     pub(super) const NAME: &str = "gnc.cut_off";
 
     fn record(&self, kept_bytes: u64) -> Metadata {
-        let what = "the station ended before the file did; this end was written when the run was sealed";
+        let what =
+            "the station ended, or could not write, before the file did; this end was written when the run was sealed";
         let metadata = [
             ("what", what.to_owned()),
             ("original_bytes", self.original_bytes.to_string()),

@@ -45,7 +45,7 @@ pub use append::try_out;
 pub(super) use before::{Before, unknown};
 pub(crate) use begin::begin;
 pub use begin::place_of;
-pub(crate) use begin::{digest_of_first_line, has_one_event, is_named, was_moved};
+pub(crate) use begin::{digest_of_first_line, has_one_event, is_closed, is_named, was_moved};
 pub(crate) use beginning::{Beginning, Beginnings, Begun, SignedBy};
 pub use check::{Against, ChainBook, ChainCheck, Head, verify, verify_against};
 pub(crate) use entry::Scribe;

@@ -1,5 +1,6 @@
-//! Closes a run's folder: it makes the files for people and programs from the journal, then the digests of all files,
-//! then the entry in the chain. If the program or the computer died before that, the next start does it ([`super::recovery`]).
+//! Closes a run's folder: it makes the files for people and programs from the journal, then the digests of all files of the run,
+//! then the entry in the chain, and only then gives the files that say how the run ended their names. If the program or the computer
+//! died before that, the next start does it ([`super::recovery`]).
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -9,10 +10,12 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::text;
 
 use super::chain::{LateClose, Place, Scribe};
+use super::contents::Contents;
 use super::cut_off::CutOffFile;
 use super::digest::{self, FileDigests};
 use super::folder::{PART, sync_dir};
-use super::{DIGESTS, JOURNAL, LOG, PAPERS, RECORD, RunFolder, SIGNATURE, StoreError, chain, on};
+use super::pending::TELLING;
+use super::{DIGESTS, JOURNAL, LOG, PAPERS, RECORD, RunFolder, SIGNATURE, StoreError, chain, on, pending};
 use crate::passport::{self, NoPassport, PASSPORT, PASSPORT_XML};
 use crate::report::{self, REPORT};
 
@@ -37,30 +40,30 @@ fn is_held(file: &File) -> bool {
     matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
 
-/// Closes the folder of a run with the content of its journal. `cut_off` are the raw files without an end. The mark of a late close is for a
-/// run that is not closed by the station that carried it out, and such a run gets no passport. `by` writes the line, and
-/// `began` is the place of that of the run's beginning.
+/// Closes the folder of a run with what its journal says. The mark of a late close is for a run that is not closed by the station
+/// that carried it out, and such a run gets no passport. `by` writes the line, and `began` is the place of that of the run's beginning.
+/// Nothing in the folder says how the run ended before its line is in the chain.
 pub(super) fn close(
     folder: &RunFolder,
-    record: Option<&RunRecord>,
-    cut_off: &[CutOffFile],
+    contents: &Contents<'_>,
     by: &Scribe<'_>,
     began: Option<&Place>,
 ) -> Result<(), StoreError> {
-    let closed = seal_files(folder, record, cut_off, by, began).and_then(|()| chain::append_as(folder.path(), by));
+    let closed = seal_files(folder, contents, by, began).and_then(|()| chain::append_as(folder.path(), by));
     match &closed {
+        Ok(()) => pending::name_all(folder.path()),
         // The chain may have the run: without its digests it would be one that was changed. The error says so.
-        Ok(()) | Err(StoreError::MayStand(_)) => {}
+        Err(StoreError::MayStand(_)) => {}
         Err(_) => withdraw(folder.path()),
     }
     closed
 }
 
-/// Takes back all that calls the run closed, the digests first, so that no face takes it for what its items said. The journal
-/// stays, and the next start closes the run late.
+/// Takes the digests back, so that no face takes the run for one that was closed, and what waited for its name. The journal stays, and
+/// the next start closes the run late.
 fn withdraw(run: &Path) {
-    let made = [DIGESTS, SIGNATURE].into_iter().chain(PAPERS).chain([RECORD, LOG]);
-    for name in made {
+    let waiting = TELLING.map(pending::waiting_name);
+    for name in [DIGESTS, SIGNATURE].into_iter().chain(waiting.iter().map(String::as_str)) {
         // The reported error is that of the closing. What stays has no line in the chain.
         let _ = fs::remove_file(run.join(name));
     }
@@ -69,27 +72,34 @@ fn withdraw(run: &Path) {
 
 fn seal_files(
     folder: &RunFolder,
-    record: Option<&RunRecord>,
-    cut_off: &[CutOffFile],
+    contents: &Contents<'_>,
     by: &Scribe<'_>,
     began: Option<&Place>,
 ) -> Result<(), StoreError> {
     let late = by.late;
-    let marked = record.zip(late).map(|(record, late)| record.clone().closed_late(&late.at));
-    let record = marked.as_ref().or(record);
-    let mut sums = FileDigests::default();
-    if record.is_some_and(|record| record.other_module.is_some()) {
+    let record = contents.record();
+    let record = record.map(|record| match late {
+        Some(late) => record.closed_late(&late.at),
+        None => record,
+    });
+    if record.as_ref().is_some_and(|record| record.other_module.is_some()) {
         folder.unassign()?;
     }
-    if let Some(record) = record {
-        folder.put(LOG, |out| out.write_all(log(record, cut_off, late).as_bytes()))?;
-        folder.put(RECORD, |out| pretty(out, record))?;
-        sums.add_new(folder.path())?;
-        file_papers(folder, record, cut_off, late, began, &mut sums)?;
+    // What has the name of a paper was put there: no paper is made before this.
+    for name in TELLING {
+        remove(&folder.path().join(name))?;
+        remove(&folder.path().join(pending::waiting_name(name)))?;
     }
-    // One wait for all files of the run, then the digests that cover them.
+    let mut sums = FileDigests::default();
+    contents.add_to(&mut sums, folder)?;
+    if let Some(record) = &record {
+        let log = log(record, contents.cut_off, late);
+        sums.insert(LOG, folder.put_waiting(LOG, |out| out.write_all(log.as_bytes()))?);
+        sums.insert(RECORD, folder.put_waiting(RECORD, |out| pretty(out, record))?);
+        file_papers(folder, record, contents.cut_off, late, began, &mut sums)?;
+    }
+    // One wait for all files of the run, before the digests that cover them.
     folder.sync()?;
-    sums.add_new(folder.path())?;
     let digests = sums.text();
     if let Some(key) = folder.key() {
         // Sign before the digests are written, since they close the folder.
@@ -129,9 +139,8 @@ fn file_papers(
         passport.and_then(|passport| if late.is_some() { Err(NoPassport::ClosedLate) } else { Ok(passport) });
     if let Ok(passport) = &passport {
         let xml = passport::xml(passport)?;
-        folder.put(PASSPORT, |out| pretty(out, passport))?;
-        folder.put(PASSPORT_XML, |out| out.write_all(&xml))?;
-        sums.add_new(folder.path())?;
+        sums.insert(PASSPORT, folder.put_waiting(PASSPORT, |out| pretty(out, passport))?);
+        sums.insert(PASSPORT_XML, folder.put_waiting(PASSPORT_XML, |out| out.write_all(&xml))?);
     }
     let digest = |name: &str| sums.get(name).map(|digest| (name.to_owned(), digest.to_owned()));
     let files = [JOURNAL, RECORD, PASSPORT, PASSPORT_XML].into_iter().filter_map(digest);
@@ -142,7 +151,10 @@ fn file_papers(
     });
     let digests: Vec<_> = files.chain([all]).chain(originals).collect();
     let late = late.map(LateClose::in_words);
-    folder.put(REPORT, |out| report::html(out, record, &passport, &digests, late.as_deref(), chain.as_deref()))
+    let report =
+        |out: &mut dyn io::Write| report::html(out, record, &passport, &digests, late.as_deref(), chain.as_deref());
+    sums.insert(REPORT, folder.put_waiting(REPORT, report)?);
+    Ok(())
 }
 
 /// Removes what an earlier sealing left when it was killed: unfinished part files, and the papers, which are made after

@@ -49,6 +49,11 @@ pub(super) struct CutOffFile {
 }
 
 impl CutOffFile {
+    /// The file with what stood behind its last whole record, relative to the run's folder.
+    pub(super) fn torn(&self) -> Option<&str> {
+        self.torn.as_deref()
+    }
+
     /// The short text that the next start prints.
     pub(super) fn in_short(&self) -> String {
         let now = if self.damaged.is_some() { "is damaged and stays as it was" } else { "has its end now" };

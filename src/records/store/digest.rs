@@ -100,12 +100,26 @@ pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
 pub struct FileDigests(BTreeMap<PathBuf, String>);
 
 impl FileDigests {
-    /// Adds the files of a folder that are not yet included. Raw samples are large, so they are read once.
+    /// Adds all files of a folder that are not yet included.
     ///
     /// # Errors
     /// [`StoreError::File`].
+    #[cfg(test)]
     pub(crate) fn add_new(&mut self, folder: &Path) -> Result<(), StoreError> {
-        for file in files_below(folder)? {
+        self.add_those(folder, |_| true)
+    }
+
+    /// Adds the digest of a file.
+    pub(super) fn insert(&mut self, file: &str, digest: String) {
+        self.0.insert(PathBuf::from(file), digest);
+    }
+
+    /// Adds those files of a folder that belong to it and are not yet included. Raw samples are large, so they are read once.
+    ///
+    /// # Errors
+    /// [`StoreError::File`].
+    pub(super) fn add_those(&mut self, folder: &Path, belongs: impl Fn(&Path) -> bool) -> Result<(), StoreError> {
+        for file in files_below(folder)?.into_iter().filter(|file| belongs(file)) {
             if let Entry::Vacant(vacant) = self.0.entry(file) {
                 let digest = of_file(&folder.join(vacant.key()))?;
                 vacant.insert(digest);

@@ -10,7 +10,7 @@ pub(super) use gnc_files::PART;
 use gnc_files::{Part, Refused};
 
 use super::begun::was_never_begun;
-use super::{StationKey, StoreError, UNASSIGNED, name, on};
+use super::{StationKey, StoreError, UNASSIGNED, digest, name, on};
 
 /// Bound on the runs of one plan with one serial number in one second; more mean a loop out of control.
 const MAX_SAME_SECOND: u32 = 10_000;
@@ -214,6 +214,17 @@ impl RunFolder {
         sync_dir(self.path().join(name).parent().unwrap_or(self.path()))
     }
 
+    /// Writes a complete file that gets its name later, and returns its digest.
+    pub(super) fn put_waiting(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
+    ) -> Result<String, StoreError> {
+        let (part, named) = self.written(name, write, false)?;
+        part.leave();
+        digest::of_file(&named)
+    }
+
     /// Waits until all written files are on disk.
     pub(super) fn sync(&self) -> Result<(), StoreError> {
         let dir = on(File::open(self.path()), "read", self.path())?;
@@ -226,6 +237,17 @@ impl RunFolder {
         write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
         sync: bool,
     ) -> Result<(), StoreError> {
+        let (part, _) = self.written(name, write, sync)?;
+        on(part.place(), "write", &self.path().join(name))
+    }
+
+    /// A complete file that has not its name yet, and where it is.
+    fn written(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
+        sync: bool,
+    ) -> Result<(Part, PathBuf), StoreError> {
         let path = self.path().join(name);
         self.parent(&path)?;
         let part = on(Part::create(&path), "create", &path)?;
@@ -237,7 +259,7 @@ impl RunFolder {
         }
         on(written, "write", &name)?;
         let part = on(file.into_inner().map_err(io::IntoInnerError::into_error), "write", &name)?;
-        on(part.place(), "write", &path)
+        Ok((part, name))
     }
 }
 

@@ -1,6 +1,7 @@
 //! The head of `run.json`: what a search over many runs needs. The record of a calibration has megabytes of items, and a
 //! hundred of them would delay the screen.
 
+use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
@@ -10,7 +11,7 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::verdict::Verdict;
 use serde::Deserialize;
 
-use super::RECORD;
+use super::{RECORD, pending};
 
 /// Longest head: before the items stand names, the bench, the board and what it broke, a few kilobytes.
 const MAX_HEAD_BYTES: u64 = 256 << 10;
@@ -66,7 +67,7 @@ impl RunHead {
     /// the record in another form.
     #[must_use]
     pub fn read(run: &Path) -> Option<Self> {
-        let text = beginning(&run.join(RECORD)).ok()?;
+        let text = beginning(pending::open(run, RECORD).ok()?).ok()?;
         let (head, _) = text.split_once(ITEMS)?;
         let fields: HeadFields =
             serde_json::from_str(&format!("{head}{ITEMS}]}}")).ok().filter(|head: &HeadFields| !head.interrupted)?;
@@ -84,8 +85,8 @@ impl RunHead {
     }
 }
 
-fn beginning(file: &Path) -> io::Result<String> {
-    let mut file = gnc_files::own(file)?.take(MAX_HEAD_BYTES);
+fn beginning(file: File) -> io::Result<String> {
+    let mut file = file.take(MAX_HEAD_BYTES);
     let mut bytes = Vec::new();
     while (&mut file).take(AT_ONCE_BYTES).read_to_end(&mut bytes)? > 0 {
         if String::from_utf8_lossy(&bytes).contains(ITEMS) {

@@ -8,18 +8,17 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
-use gnc_executive::record::{ItemFile, RunRecord};
-use gnc_executive::state::RunState;
+use gnc_executive::record::RunRecord;
 
 use super::chain::{self, Before, LateClose, Scribe};
 use super::closing;
+use super::contents::{Contents, PlanFiles};
 use super::folder::sync_dir;
 use super::reader::MAX_RECORD_BYTES;
 use super::recovery::{Sealer, Until, may_close, unlike_signature};
-use super::{
-    DIGESTS, ITEM, JOURNAL, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, cut_off, item_folder, on, reader,
-};
+use super::{DIGESTS, JOURNAL, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, cut_off, on, reader};
 
 /// The digests that a run had before it was closed late.
 const DIGESTS_BEFORE: &str = "SHA256SUMS.before";
@@ -28,8 +27,8 @@ const SIGNATURE_BEFORE: &str = "SHA256SUMS.before.sig";
 
 /// What a start does about a run that ended.
 pub(super) enum Closed {
-    /// It has closed the run late.
-    Late(String),
+    /// It has closed the run late: what to say, and where its folder is now.
+    Late(String, PathBuf),
     /// The run stays as it is; says why.
     Open(String),
 }
@@ -75,7 +74,7 @@ fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -
     let by = Scribe { late: Some(&late), ..sealer.scribe() };
     let digests = run.join(DIGESTS);
     if digests.exists() {
-        if !reader::verify(run).is_empty() {
+        if !reader::changes(run).is_empty() {
             return Ok(None);
         }
         if let Some(why) = unlike_signature(run, is_signed, sealer.key) {
@@ -89,16 +88,19 @@ fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -
     set_signature_aside(run, sealer.key)?;
     closing::clear_away(run)?;
     let folder = RunFolder::existing(run).signed_with(sealer.key.cloned());
-    complete_items(&folder, &state)?;
     let cut_off = cut_off::complete(&folder)?.files;
     let began = chain::begin(run, &by)?;
-    closing::close(&folder, Some(&record), &cut_off, &by, Some(&began))?;
+    let plan = PlanFiles::found(run, &state);
+    let made = [DIGESTS_BEFORE, SIGNATURE_BEFORE];
+    let contents = Contents { state: &Mutex::new(state), plan: &plan, cut_off: &cut_off, made: &made };
+    closing::close(&folder, &contents, &by, Some(&began))?;
     let ended = record.finished.map_or_else(String::new, |at| format!(" at {}", at.format("%F %T")));
     let serial_number = gnc_text::printable(&record.serial_number);
-    Ok(Some(Closed::Late(format!(
-        "ended{ended}, and its station ended before the run was in the chain; it is closed late now and never counts as a pass; \
+    let said = format!(
+        "ended{ended}, and its station ended, or could not write, before the run was in the chain; it is closed late now and never counts as a pass; \
          test {serial_number} again"
-    ))))
+    );
+    Ok(Some(Closed::Late(said, folder.path().to_owned())))
 }
 
 /// Keeps the digests that a run had, which the new ones cover then: they prove what the run was when its station ended. Those
@@ -137,19 +139,6 @@ fn contradicts(run: &Path, record: &RunRecord) -> Result<bool, StoreError> {
             .map_or(true, |stored| stored != record.clone().closed_like(&stored)),
         Err(_) => false,
     })
-}
-
-/// Makes those files of items again that a power cut left empty or in pieces.
-fn complete_items(folder: &RunFolder, state: &RunState) -> Result<(), StoreError> {
-    for (position, row) in state.rows().iter().enumerate() {
-        let name = format!("{}/{ITEM}", item_folder(position, &row.planned.name));
-        let stored = gnc_files::read_below(folder.path(), Path::new(&name), MAX_RECORD_BYTES).unwrap_or_default();
-        let is_whole = serde_json::from_slice::<serde_json::Value>(&stored).is_ok();
-        if let Some(file) = ItemFile::from_state(state, position).filter(|_| !is_whole) {
-            folder.put(&name, |out| closing::pretty(out, &file))?;
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

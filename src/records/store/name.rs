@@ -78,6 +78,22 @@ pub(crate) fn of_part(text: &str) -> String {
     if !name.is_empty() && name.len() <= MAX_NAME { name } else { cut(&name, text) }
 }
 
+/// The text of which this is the name by [`of_part`]; `None` if the name was cut.
+pub(super) fn text_of_part(name: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(name.len());
+    let mut rest = name.bytes();
+    while let Some(byte) = rest.next() {
+        bytes.push(match byte {
+            b'~' => {
+                let digits = [rest.next()?, rest.next()?];
+                u8::from_str_radix(std::str::from_utf8(&digits).ok()?, 16).ok()?
+            }
+            byte => byte,
+        });
+    }
+    String::from_utf8(bytes).ok().filter(|text| of_part(text) == name)
+}
+
 /// The serial number of which this is the folder; `None` if the name does not tell.
 #[must_use]
 pub fn number_of(folder: &str) -> Option<String> {

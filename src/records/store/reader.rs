@@ -16,7 +16,7 @@ use super::begun::was_never_begun;
 use super::digest::FileDigests;
 use super::{
     DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, captures, chain, digest, folded,
-    goes_on, name, names, on,
+    goes_on, name, names, on, pending,
 };
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
@@ -116,6 +116,9 @@ pub struct Verified {
     pub never_begun: bool,
     /// The station ended, or could not write, before the run was closed, and its next start does so: what is missing, a sentence.
     pub incomplete: Option<String>,
+    /// The run has its digests, and files of it wait for their names: its station ended, or could not write, between the two. What is
+    /// missing, a sentence; the next start does it.
+    pub unnamed: Option<String>,
 }
 
 /// A run found in the records folder.
@@ -478,7 +481,7 @@ pub fn plan(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, ReadError> {
 /// # Errors
 /// The error of the system.
 pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
-    gnc_files::read_below(folder, Path::new(name), MAX_RECORD_BYTES)
+    gnc_files::whole(pending::open(folder, name)?, MAX_RECORD_BYTES)
 }
 
 /// A journal that is read line by line: a long one would take as much memory as its file.
@@ -495,18 +498,60 @@ fn open_journal(path: &Path) -> Result<impl BufRead + use<>, ReadError> {
 /// run of a later version this cannot be confirmed.
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
-    let Verified { mut problems, newer, running, never_begun, incomplete } = check(folder);
+    let Verified { mut problems, newer, running, never_begun, incomplete, unnamed } = check(folder);
     problems.extend(incomplete);
+    problems.extend(unnamed);
     problems.extend(newer.map(|newer| newer.to_string()));
     problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
     problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
     problems
 }
 
+/// Problems of a run that has its digests and that no other station holds, whether its files have their names or not, and without files
+/// that are none of the run.
+pub(crate) fn changes(folder: &Path) -> Vec<String> {
+    let checked = compare(folder, true)
+        .unwrap_or_else(|error| Verified { problems: vec![gnc_text::with_causes(&error)], ..Verified::default() });
+    let Verified { mut problems, newer, never_begun, incomplete, .. } = checked;
+    problems.extend(incomplete);
+    problems.extend(newer.map(|newer| newer.to_string()));
+    problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
+    problems
+}
+
+/// What to say of a file that the digests do not cover.
+pub(crate) fn was_added(file: &Path) -> String {
+    format!("{} was added", gnc_text::shown_path(file))
+}
+
+/// Files in the folder of a closed run that its digests do not cover: the station did not write them.
+#[must_use]
+pub fn strangers(folder: &Path) -> Vec<PathBuf> {
+    let Ok((sums, _)) = FileDigests::read(folder) else { return Vec::new() };
+    let promised = sums.into_map();
+    let waiting: Vec<PathBuf> =
+        pending::waiting(folder).into_iter().map(|name| pending::waiting_name(name).into()).collect();
+    let mut files = digest::files_below(folder).unwrap_or_default();
+    files.retain(|file| !promised.contains_key(file) && !waiting.contains(file));
+    files
+}
+
+/// What to say of a closed run whose folder holds files that the station did not write, and what to do.
+#[must_use]
+pub fn of_strangers(folder: &Path) -> Option<(String, &'static str)> {
+    let strangers = strangers(folder);
+    let what = format!(
+        "files in the folder of the run that the station did not write are not sealed with it: {}, {} in all",
+        gnc_text::shown_path(strangers.first()?),
+        strangers.len()
+    );
+    Some((what, "take them out of the folder, and find out what put them there; `records verify` calls them added"))
+}
+
 /// Compares a run's folder with its digests and its journal.
 #[must_use]
 pub fn check(folder: &Path) -> Verified {
-    compare(folder)
+    compare(folder, false)
         .unwrap_or_else(|error| Verified { problems: vec![gnc_text::with_causes(&error)], ..Verified::default() })
 }
 
@@ -530,12 +575,14 @@ pub fn verify_signature(folder: &Path, keys: &[PublicKey]) -> Option<String> {
     }
 }
 
-fn compare(folder: &Path) -> Result<Verified, StoreError> {
+/// `is_ours`: the caller holds the run, so that no station writes it.
+fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     let only = |problem: String| Ok(Verified { problems: vec![problem], ..Verified::default() });
     let incomplete = |what: String, newer| Ok(Verified { incomplete: Some(what), newer, ..Verified::default() });
     let path = folder.join(DIGESTS);
     // Looked at before the journal is read: a run that ends meanwhile has its digests then.
-    if !path.exists() && goes_on(folder) {
+    let is_under_way = || !path.exists() || !pending::waiting(folder).is_empty();
+    if !is_ours && is_under_way() && goes_on(folder) {
         return Ok(Verified { running: true, ..Verified::default() });
     }
     let (state, newer) = match fold(folder) {
@@ -546,11 +593,14 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     };
     // The next start seals an interrupted run.
     if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted() && !path.exists()) {
-        return incomplete("interrupted: its station ended in the run; the next start seals it".into(), newer);
+        return incomplete(
+            "interrupted: its station ended, or could not write, in the run; the next start seals it".into(),
+            newer,
+        );
     }
     if !path.exists() {
         let problem = format!(
-            "ended and not closed, so it cannot be verified: {DIGESTS} is missing; if its station ended too early, its next start closes the run late"
+            "ended and not closed, so it cannot be verified: {DIGESTS} is missing; if its station ended too early, or could not write, its next start closes the run late"
         );
         return incomplete(problem, newer);
     }
@@ -559,8 +609,19 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
     let mut promised = sums.into_map();
     let mut added = Vec::new();
+    // The digests have the names that these files get when the run is closed.
+    let waiting: HashMap<PathBuf, &str> =
+        pending::waiting(folder).into_iter().map(|name| (pending::waiting_name(name).into(), name)).collect();
+    let mut unnamed = None;
     for file in digest::files_below(folder)? {
-        match promised.remove(&file) {
+        let named = waiting.get(&file).map(Path::new).filter(|name| promised.contains_key(*name));
+        if named.is_some() {
+            unnamed = Some(format!(
+                "{} waits for its name: its station ended, or could not write, while it closed the run; the next start goes on",
+                gnc_text::shown_path(&file)
+            ));
+        }
+        match promised.remove(named.unwrap_or(&file)) {
             None => added.push(file),
             // A link or a device in place of the file is not a file of the record, wherever it points.
             Some(_) if !folder.join(&file).symlink_metadata().is_ok_and(|meta| meta.is_file()) => {
@@ -595,13 +656,16 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
             gnc_text::shown_path(&is)
         )),
         None => {
-            problems.extend(added.iter().map(|file| format!("{} was added", gnc_text::shown_path(file))));
+            // What no station wrote is no part of the run, whoever closes it.
+            problems.extend(added.iter().filter(|_| !is_ours).map(|file| was_added(file)));
             problems.extend(promised.keys().map(|file| format!("{} is missing", gnc_text::shown_path(file))));
         }
     }
     problems.extend(captures::of_other_runs(folder)?);
     if let Some(state) = state {
-        let stored = gnc_files::read_below(folder, Path::new(RECORD), MAX_RECORD_BYTES).ok();
+        let record = pending::path(folder, RECORD);
+        let within = record.strip_prefix(folder).unwrap_or(&record);
+        let stored = gnc_files::read_below(folder, within, MAX_RECORD_BYTES).ok();
         let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
         let is_same = stored
             .zip(RunRecord::of_folded(state))
@@ -610,7 +674,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
             problems.push(format!("{RECORD} does not say what {JOURNAL} says"));
         }
     }
-    Ok(Verified { problems, newer, ..Verified::default() })
+    Ok(Verified { problems, newer, unnamed, ..Verified::default() })
 }
 
 fn folders(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {

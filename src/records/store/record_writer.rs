@@ -13,12 +13,13 @@ use std::thread::JoinHandle;
 
 use gnc_executive::event::{Event, EventKind, RunHeader};
 use gnc_executive::plan::Plan;
-use gnc_executive::record::{ItemFile, RunRecord};
+use gnc_executive::record::ItemFile;
 use gnc_executive::state::RunState;
 use tokio::sync::{mpsc, oneshot};
 
 use super::chain::{self, Place, Scribe};
 use super::closing::pretty;
+use super::contents::{Contents, PlanFiles};
 use super::raw::RawThread;
 use super::{ITEM, JOURNAL, PLAN, RawFile, RunFolder, StoreError, closing, digest, item_folder, name, on, raw_file};
 use crate::raw::RawOrigin;
@@ -226,6 +227,8 @@ struct JournalFile {
     line: Vec<u8>,
     /// Where the chain says that the run began.
     began: Option<Place>,
+    /// The plan as it runs.
+    plan: PlanFiles,
     /// What the raw files say of which run they are.
     origin: Arc<OnceLock<RawOrigin>>,
 }
@@ -238,9 +241,12 @@ impl std::fmt::Debug for JournalFile {
 
 impl JournalFile {
     fn open(folder: &RunFolder, plan: &Plan, watchers: Vec<Watcher>) -> Result<Self, StoreError> {
+        let mut files = Vec::new();
         for (index, (name, text)) in plan.files().enumerate() {
             let name = std::path::Path::new(name).file_name().unwrap_or_default().to_string_lossy();
-            folder.put(&format!("{PLAN}/{:02}-{}", index + 1, name::of_part(&name)), |out| out.write_all(text))?;
+            let name = format!("{PLAN}/{:02}-{}", index + 1, name::of_part(&name));
+            folder.put(&name, |out| out.write_all(text))?;
+            files.push((name, text.to_vec()));
         }
         let journal = closing::hold(folder.create_file(JOURNAL)?, &folder.path().join(JOURNAL))?;
         let state = Arc::new(Mutex::new(RunState::new()));
@@ -251,6 +257,7 @@ impl JournalFile {
             watchers,
             line: Vec::new(),
             began: None,
+            plan: PlanFiles::Written(files),
             origin: Arc::default(),
         })
     }
@@ -341,9 +348,10 @@ impl JournalFile {
     }
 
     fn close_folder(&self, event: &Event) -> Result<(), StoreError> {
-        let record = RunRecord::from_state(&self.state.lock().unwrap_or_else(PoisonError::into_inner));
-        let station = record.as_ref().map_or("", |record| record.station.as_str());
+        let header = self.state.lock().unwrap_or_else(PoisonError::into_inner).header().cloned();
+        let station = header.as_ref().map_or("", |header| header.station.as_str());
         let by = Scribe { station, at: event.at, key: self.folder.key(), late: None };
-        closing::close(&self.folder, record.as_ref(), &[], &by, self.began.as_ref())
+        let contents = Contents { state: &self.state, plan: &self.plan, cut_off: &[], made: &[] };
+        closing::close(&self.folder, &contents, &by, self.began.as_ref())
     }
 }

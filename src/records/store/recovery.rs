@@ -3,7 +3,8 @@
 //! those that ended. Each thing is said in a line.
 
 use std::fs::{self, File};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use chrono::{DateTime, FixedOffset};
@@ -12,12 +13,12 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
 use super::begun::was_never_begun;
-use super::chain::{self, Before, Beginning, Begun, Scribe, SignedBy};
+use super::chain::{self, Before, Beginning, Begun, ChainStanding, Scribe, SignedBy};
 use super::closing::{clear_away, close, hold};
+use super::contents::{Contents, PlanFiles};
 use super::cut_off::{self, CutOffFile};
 use super::late::{self, Closed};
-use super::{DIGESTS, JOURNAL, RunFolder, SIGNATURE, StationKey, StoreError, reader};
-use super::{folder, on};
+use super::{DIGESTS, JOURNAL, RunFolder, SIGNATURE, StationKey, StoreError, folder, on, pending, reader};
 
 /// Number of newest runs that are searched for interrupted ones: a station that died starts again before a thousand
 /// other runs.
@@ -97,6 +98,16 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     let cannot =
         |error: &StoreError| format!("cannot be sealed: {}; {}", gnc_text::with_causes(error), error.try_this());
     let sealed_before = closed.len();
+    let waiting: Vec<_> = closed.iter().filter(|run| !pending::waiting(run).is_empty()).cloned().collect();
+    lines.extend(waiting.iter().filter_map(|run| match name_files(run, &name(run)) {
+        Ok(what) => what,
+        Err(error) => Some(format!(
+            "{} was closed, and its files cannot get their names: {}; {}",
+            name(run),
+            gnc_text::with_causes(&error),
+            error.try_this()
+        )),
+    }));
     // The chain as it is before this start writes into it.
     let known = chain::unknown(records, closed).and_then(|unknown| {
         let is_any = !unknown.is_empty() || !open.is_empty();
@@ -115,7 +126,10 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     // Those without an end come first: of sealed ones without a line there may be many, from before the chain.
     for run in open.into_iter().filter(|_| until.has_time()) {
         match seal(records, &run, &before, sealer) {
-            Ok(Left::Sealed(what)) => lines.push(format!("{} {what}", name(&run))),
+            Ok(Left::Sealed((what, now))) => {
+                lines.push(format!("{} {what}", name(&run)));
+                lines.extend(strangers(records, &now));
+            }
             Ok(Left::Ended) => ended.push(run),
             Ok(Left::Open(why)) => lines.push(format!("{} was interrupted and {why}", name(&run))),
             Ok(Left::Alone) => {}
@@ -145,7 +159,10 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     let others = sealed_before + ended.iter().filter(|run| !reader::is_sealed(run)).count();
     for (run, closed) in late::close(records, ended, &before, others, sealer, &mut until) {
         match closed {
-            Ok(Closed::Late(what)) => lines.push(format!("{} {what}", name(&run))),
+            Ok(Closed::Late(what, now)) => {
+                lines.push(format!("{} {what}", name(&run)));
+                lines.extend(strangers(records, &now));
+            }
             Ok(Closed::Open(why)) => lines.push(format!("{} ended, was not closed and {why}", name(&run))),
             Err(error) => lines.push(format!("{} ended, was not closed and {}", name(&run), cannot(&error))),
         }
@@ -157,6 +174,36 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
         ));
     }
     lines
+}
+
+/// What to say of files in the folder of a run that was closed now and that no station wrote.
+fn strangers(records: &Path, run: &Path) -> Option<String> {
+    let (what, hint) = reader::of_strangers(run)?;
+    Some(format!("{}: {what}; {hint}", gnc_text::shown_path(run.strip_prefix(records).unwrap_or(run))))
+}
+
+/// Gives the files of a run that is closed their names, if its station did not come so far.
+fn name_files(run: &Path, name: &impl std::fmt::Display) -> Result<Option<String>, StoreError> {
+    let path = run.join(JOURNAL);
+    let Ok(_held) = hold(on(gnc_files::own(&path), "read", &path)?, &path) else { return Ok(None) };
+    // One without a line, or with other digests than its line has, is no matter of names.
+    if !chain::is_closed(run)? || !matches!(chain::standing(run)?, ChainStanding::Held | ChainStanding::Late) {
+        return Ok(None);
+    }
+    if pending::waiting(run).is_empty() {
+        return Ok(None);
+    }
+    let others = pending::name_left(run)?;
+    Ok(Some(match others.first() {
+        None => format!(
+            "{name} was closed, and its station ended, or could not write, before all of its files had their names; they \
+             have them now"
+        ),
+        Some(other) => format!(
+            "{name} was closed, and its station ended, or could not write, before all of its files had their names; {other} \
+             is left as it is, since it is not what the run was closed with"
+        ),
+    }))
 }
 
 /// Takes away the folder of a run that never began, unless a station holds it.
@@ -200,7 +247,7 @@ fn put_into_chain(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) 
     }
     // Another station may have appended it meanwhile.
     let is_unknown = !chain::unknown(records, vec![run.to_owned()])?.is_empty();
-    if !is_unknown || !reader::verify(run).is_empty() {
+    if !is_unknown || !reader::changes(run).is_empty() {
         return Ok(Left::Alone);
     }
     let is_signed = match may_close(records, run, &state, before, by)? {
@@ -215,11 +262,12 @@ fn put_into_chain(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) 
     // An earlier version wrote no line when the run began.
     chain::begin(run, &scribe)?;
     chain::append_as(run, &scribe)?;
+    pending::name_all(run);
     Ok(Left::Sealed(()))
 }
 
-/// Seals a run without an end.
-fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<Left<String>, StoreError> {
+/// Seals a run without an end. Returns what was done, and where the folder is now.
+fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<Left<(String, PathBuf)>, StoreError> {
     let path = run.join(JOURNAL);
     let Ok(_held) = hold(on(gnc_files::own(&path), "read", &path)?, &path) else { return Ok(Left::Alone) };
     // Another station may have sealed it meanwhile.
@@ -235,8 +283,11 @@ fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<
     let folder = RunFolder::existing(run).signed_with(by.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
     let began = chain::begin(run, &by.scribe())?;
-    close(&folder, Some(&record), &cut_off, &by.scribe(), Some(&began))?;
-    Ok(Left::Sealed(in_words(&state, &record, &cut_off)))
+    let said = in_words(&state, &record, &cut_off);
+    let plan = PlanFiles::found(run, &state);
+    let contents = Contents { state: &Mutex::new(state), plan: &plan, cut_off: &cut_off, made: &[] };
+    close(&folder, &contents, &by.scribe(), Some(&began))?;
+    Ok(Left::Sealed((said, folder.path().to_owned())))
 }
 
 /// Whether a start may close a run that an earlier one left, and the line of its beginning; or why it may not. An earlier
@@ -300,4 +351,4 @@ fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> Str
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -144,7 +144,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
                 }
             }
         }
-        if let Some(what) = broke_off.filter(|_| found.problems.is_empty()) {
+        if let Some(what) = broke_off.or(found.unnamed.take()).filter(|_| found.problems.is_empty()) {
             incomplete += 1;
             out.say_of(&place.to_string(), printable(&what));
             continue;

@@ -88,6 +88,8 @@ pub(crate) enum Msg {
     Shift(Box<Shift>),
     /// The program that is told verdicts does not do its work.
     HookTrouble(String),
+    /// Files lie in the folder of a run that the station did not write.
+    Strangers(String),
     /// Days with records.
     Days(Result<Vec<Day>, String>),
     /// Runs of a day.
@@ -245,7 +247,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         }
         Msg::EndAsked => model.leaving = true,
         Msg::Shift(shift) => model.shift = Some(*shift),
-        Msg::HookTrouble(what) => model.mention(model.said(&what).into_owned()),
+        Msg::HookTrouble(what) | Msg::Strangers(what) => model.mention(model.said(&what).into_owned()),
         Msg::Days(_) | Msg::Runs(_) | Msg::Opened(_) | Msg::Verified { .. } => take_records(model, msg),
     }
     None

@@ -12,8 +12,9 @@ use std::time::{Duration, Instant};
 
 use gnc_files::{PART, Part};
 
+use super::apart::last_entry;
 use super::entry::{ChainEntry, Kind, Place, Scribe};
-use super::read::{chain_of, chains, counter, name_in};
+use super::read::{chain_of, counter, name_in};
 use super::{CHAIN, COUNTER, NOTHING, begin, tail};
 use crate::store::folder::sync_dir;
 use crate::store::{DIGESTS, StoreError, digest, on, reader};
@@ -171,14 +172,17 @@ pub(super) fn count(records: &Path, place: &Place) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Number and link of the last line. A line that is not counted yet counts, and the chain alone counts if the counter cannot be
+/// Number and link of the last line, from the ends of the newest chains. A line that is not counted yet counts, and the chain alone counts if the counter cannot be
 /// read.
 fn last(records: &Path) -> Result<Place, StoreError> {
     let counted = match counted(records)? {
         Counted::As(place) => place,
         Counted::Never | Counted::Unreadable => Place { number: 0, link: NOTHING.to_owned() },
     };
-    let newest = chains(records, NEWEST_DAYS)?.into_iter().flat_map(|day| day.lines).max_by_key(|link| link.number);
+    let mut newest = None;
+    for day in reader::day_names(records)?.iter().rev().take(NEWEST_DAYS) {
+        newest = newest.into_iter().chain(last_entry(records, day)?).max_by_key(|line| line.number);
+    }
     Ok(match newest {
         Some(link) if link.number > counted.number => link.place(),
         _ => counted,

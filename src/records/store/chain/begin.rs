@@ -66,6 +66,18 @@ pub(crate) fn is_named(run: &Path) -> Result<bool, StoreError> {
     Ok(chain.lines.iter().any(|line| line.run == name || line.began_as() == name))
 }
 
+/// Whether a line of its day closes a run.
+///
+/// # Errors
+/// The chain of its day cannot be read.
+pub(crate) fn is_closed(run: &Path) -> Result<bool, StoreError> {
+    let run = &on(std::path::absolute(run), "find", run)?;
+    let Ok((day, records)) = above(run) else { return Ok(false) };
+    let Some(chain) = chain_of(records, &name_in(records, day))? else { return Ok(false) };
+    let name = name_in(records, run);
+    Ok(chain.closes().any(|line| line.run == name))
+}
+
 /// Digest of the first line of a run's journal, with its end.
 ///
 /// # Errors

@@ -176,7 +176,9 @@ impl ChainBook {
     pub fn unlike_an_open_run(&self, run: &Path) -> Option<String> {
         let name = name_in(&self.records, run);
         if let Some(close) = self.close_of(&name) {
-            return Some(format!("run {} ({name}) was closed, and its {DIGESTS} is missing", close.number));
+            // Its station may give the files their names at this moment.
+            return (!reader::is_sealed(run))
+                .then(|| format!("run {} ({name}) was closed, and its {DIGESTS} is missing", close.number));
         }
         let began = self.lines.get(*self.begins.get(&name)?)?;
         matching::unlike_its_beginning(self, began)
@@ -252,7 +254,7 @@ impl ChainBook {
                 continue;
             }
             checked.problems.push(format!(
-                "{name} is not in the chain: its station ended before that and closes it late at its next start, or it was slipped in"
+                "{name} is not in the chain: its station ended, or could not write, before that and closes it late at its next start, or it was slipped in"
             ));
         }
         if has_key {
@@ -334,7 +336,7 @@ impl ChainBook {
         let name = name_in(&self.records, run);
         let Some(close) = self.close_of(&name) else {
             problems.push(format!(
-                "{name} is not in the chain: its station ended before that and closes it late at its next start, or it was slipped in"
+                "{name} is not in the chain: its station ended, or could not write, before that and closes it late at its next start, or it was slipped in"
             ));
             return problems;
         };

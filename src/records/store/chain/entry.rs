@@ -40,7 +40,9 @@ impl LateClose {
     /// What happened, for people.
     #[must_use]
     pub fn in_words(&self) -> String {
-        format!("{self}, after its station had ended before the run was in the chain; it never counts as a pass")
+        format!(
+            "{self}, after its station had ended, or could not write, before the run was in the chain; it never counts as a pass"
+        )
     }
 }
 

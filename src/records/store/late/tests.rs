@@ -12,6 +12,7 @@ use super::*;
 use crate::shift::{ShiftBook, ShiftOf};
 use crate::standing::Seals;
 use crate::store::chain::{CHAIN, COUNTER, LateCloses};
+use crate::store::recovery::tests::{close_as, plan_sha256};
 use crate::store::{LOG, PLAN, SIGNATURE};
 
 const DAY: &str = "2026-11-28";
@@ -28,7 +29,7 @@ fn journal(serial_number: &str, station: &str, time: &str) -> String {
     let header = json!({
         "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": station,
         "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": "real" }, "selection": null, "loop": null,
-        "plan": { "name": "functional", "version": "1.0", "sha256": "aa" },
+        "plan": { "name": "functional", "version": "1.0", "sha256": plan_sha256() },
     });
     let begun = json!({ "seq": 0, "at": at, "elapsed_us": 0, "kind": "run_started", "header": header, "items": [] });
     let ended = json!({ "seq": 1, "at": at, "elapsed_us": 5, "kind": "run_ended", "outcome": "passed" });
@@ -81,10 +82,9 @@ impl Shelf {
 
 /// As the station that carried the run out closes it.
 fn close_now(run: &Path) {
-    let record = RunRecord::from_state(&reader::fold(run).unwrap());
     let by = Scribe { station: STATION, at: time(SEALED), key: None, late: None };
     let began = chain::begin(run, &by).unwrap();
-    closing::close(&RunFolder::existing(run), record.as_ref(), &[], &by, Some(&began)).unwrap();
+    close_as(run, &by, None, Some(&began)).unwrap();
 }
 
 fn start_of(records: &Path, station: &str) -> Vec<String> {
@@ -389,9 +389,7 @@ fn signed_digests_are_kept_when_their_run_is_closed_late() {
         let by = Scribe { station: STATION, at: time(SEALED), key: Some(own), late: None };
         let began = chain::begin(&run, &by).unwrap();
         let undo = [CHAIN, "../COUNTER"].map(|name| keep(shelf.path().join(DAY).join(name)));
-        let record = RunRecord::from_state(&reader::fold(&run).unwrap());
-        let closed = RunFolder::existing(&run).signed_with(Some(own.clone()));
-        closing::close(&closed, record.as_ref(), &[], &by, Some(&began)).unwrap();
+        close_as(&run, &by, Some(own), Some(&began)).unwrap();
         undo.iter().for_each(|undo| undo());
         let (digests, signature) = (fs::read(run.join(DIGESTS)).unwrap(), fs::read(run.join(SIGNATURE)).unwrap());
         match spoil {

@@ -79,7 +79,7 @@ pub(super) static TEXTS: Texts = Texts {
     rejudged_long: "RE-JUDGED (samples of {}): the module was not tested again",
     late: "CLOSED LATE",
     late_short: "LC",
-    late_long: "CLOSED LATE (its station had ended before): this is never a pass",
+    late_long: "CLOSED LATE (its station ended, or could not write): this is never a pass",
     paused: "PAUSED",
     pausing: "pausing when items end",
     stopping: "STOPPING",

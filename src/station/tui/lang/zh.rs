@@ -80,7 +80,7 @@ pub(super) static TEXTS: Texts = Texts {
     rejudged_long: "重新判定（{} 的采样）：模块没有重新测试",
     late: "事后封存",
     late_short: "迟",
-    late_long: "事后封存（测试台在此之前已结束）：永不算合格",
+    late_long: "事后封存（测试台在此之前已结束或无法写入）：永不算合格",
     paused: "已暂停",
     pausing: "当前项目完成后暂停",
     stopping: "正在停止",

@@ -127,8 +127,9 @@ fn unopened(error: &ReadError) -> Unopened {
 }
 
 pub(super) fn verify(path: PathBuf) -> Msg {
-    let Verified { mut problems, newer, running, never_begun, incomplete } = reader::check(&path);
+    let Verified { mut problems, newer, running, never_begun, incomplete, unnamed } = reader::check(&path);
     problems.extend(incomplete);
+    problems.extend(unnamed);
     problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
     problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
     let newer = newer.as_ref().and_then(ReadError::unknown).map(ToString::to_string);
