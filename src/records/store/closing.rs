@@ -8,6 +8,7 @@ use std::path::Path;
 use gnc_executive::record::RunRecord;
 use gnc_executive::text;
 
+use super::captured;
 use super::chain::{LateClose, Place, Scribe};
 use super::cut_off::CutOffFile;
 use super::digest::{self, FileDigests};
@@ -82,7 +83,9 @@ fn seal_files(
         folder.unassign()?;
     }
     if let Some(record) = record {
-        folder.put(LOG, |out| out.write_all(log(record, cut_off, late).as_bytes()))?;
+        // A person had time to exchange files only where the station did not close the run itself.
+        let unlike = if record.interrupted || late.is_some() { captured::unlike(folder.path()) } else { Vec::new() };
+        folder.put(LOG, |out| out.write_all(log(record, cut_off, &unlike, late).as_bytes()))?;
         folder.put(RECORD, |out| pretty(out, record))?;
         sums.add_new(folder.path())?;
         file_papers(folder, record, cut_off, late, began, &mut sums)?;
@@ -99,9 +102,9 @@ fn seal_files(
     folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))
 }
 
-/// The run as lines for people. It also lists what the journal cannot tell: that the run is closed late, and raw files that
-/// got their end later.
-fn log(record: &RunRecord, cut_off: &[CutOffFile], late: Option<&LateClose>) -> String {
+/// The run as lines for people. It also lists what the journal cannot tell: that the run is closed late, raw files that
+/// got their end later, and those that are not the ones that were captured.
+fn log(record: &RunRecord, cut_off: &[CutOffFile], unlike: &[String], late: Option<&LateClose>) -> String {
     let mut log = text::log_txt(record);
     if let Some(late) = late {
         log.push_str(&format!("\nCLOSED LATE: {}\n", late.in_words()));
@@ -109,6 +112,10 @@ fn log(record: &RunRecord, cut_off: &[CutOffFile], late: Option<&LateClose>) -> 
     if !cut_off.is_empty() {
         log.push_str("\nFiles of raw samples without an end\n");
         log.extend(cut_off.iter().map(|file| format!("  {}\n", file.in_words())));
+    }
+    if !unlike.is_empty() {
+        log.push_str("\nRaw samples that are not as the journal says\n");
+        log.extend(unlike.iter().map(|what| format!("  {what}\n")));
     }
     log
 }

@@ -13,6 +13,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
 use super::begun::was_never_begun;
+use super::captured::CapturedFiles;
 use super::digest::FileDigests;
 use super::{
     DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, captures, chain, digest, folded,
@@ -94,7 +95,7 @@ impl ReadError {
         }
     }
 
-    fn of_fold(path: PathBuf, error: FoldError) -> Self {
+    pub(super) fn of_fold(path: PathBuf, error: FoldError) -> Self {
         match error {
             FoldError::Read(source) => Self::File { path, source },
             FoldError::Journal(JournalError::Newer { unknown, .. }) => Self::Newer(unknown),
@@ -482,7 +483,7 @@ pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
 }
 
 /// A journal that is read line by line: a long one would take as much memory as its file.
-fn open_journal(path: &Path) -> Result<impl BufRead + use<>, ReadError> {
+pub(super) fn open_journal(path: &Path) -> Result<impl BufRead + use<>, ReadError> {
     let cannot = |source: io::Error| ReadError::File { path: path.to_owned(), source };
     let file = gnc_files::own(path).map_err(cannot)?;
     if file.metadata().map_err(cannot)?.len() > MAX_JOURNAL_BYTES {
@@ -530,6 +531,15 @@ pub fn verify_signature(folder: &Path, keys: &[PublicKey]) -> Option<String> {
     }
 }
 
+/// What the journal of a run says of its raw files and the station did not sign with one of the keys, a sentence each. Without
+/// keys nothing is checked.
+#[must_use]
+pub fn verify_captured(folder: &Path, keys: &[PublicKey]) -> Vec<String> {
+    // `verify` reports a journal that cannot be read.
+    let captured = CapturedFiles::read(folder).ok().filter(|_| !keys.is_empty());
+    captured.map_or_else(Vec::new, |captured| captured.unsigned(keys))
+}
+
 fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let only = |problem: String| Ok(Verified { problems: vec![problem], ..Verified::default() });
     let incomplete = |what: String, newer| Ok(Verified { incomplete: Some(what), newer, ..Verified::default() });
@@ -559,6 +569,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
     let mut promised = sums.into_map();
     let mut added = Vec::new();
+    let mut known = HashMap::new();
     for file in digest::files_below(folder)? {
         match promised.remove(&file) {
             None => added.push(file),
@@ -567,7 +578,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
                 problems.push(format!("{} was replaced by something that is not a file", gnc_text::shown_path(&file)));
             }
             Some(digest) => match digest::of_file(&folder.join(&file)) {
-                Ok(found) if found == digest => {}
+                Ok(found) if found == digest => drop(known.insert(file, digest)),
                 Ok(_) => problems.push(format!("{} was changed", gnc_text::shown_path(&file))),
                 Err(error) => problems.push(gnc_text::with_causes(&error)),
             },
@@ -601,6 +612,10 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     }
     problems.extend(captures::of_other_runs(folder)?);
     if let Some(state) = state {
+        match CapturedFiles::read(folder) {
+            Ok(captured) => problems.extend(captured.unlike(folder, &known)),
+            Err(error) => problems.push(gnc_text::with_causes(&error)),
+        }
         let stored = gnc_files::read_below(folder, Path::new(RECORD), MAX_RECORD_BYTES).ok();
         let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
         let is_same = stored
