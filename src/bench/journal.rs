@@ -42,14 +42,20 @@ impl RunJournal {
         }
     }
 
-    /// Emits an event. After the end of an item or of the run the record must be believable, and nothing may be powered
-    /// before the beginning is in the chain: for these events the call returns only when they are on disk.
+    /// Emits an event. After the end of an item or of the run the record must be believable, nothing may be powered before the
+    /// beginning is in the chain, and a capture that the journal does not name is made again: for these events the call returns
+    /// only when they are on disk.
     ///
     /// # Errors
     /// [`StoreError`] when this or an earlier event could not be written.
     pub async fn emit(&self, kind: EventKind) -> Result<(), StoreError> {
-        let must_be_on_disk =
-            matches!(kind, EventKind::RunStarted { .. } | EventKind::ItemEnded { .. } | EventKind::RunEnded(_));
+        let must_be_on_disk = matches!(
+            kind,
+            EventKind::RunStarted { .. }
+                | EventKind::Captured(_)
+                | EventKind::ItemEnded { .. }
+                | EventKind::RunEnded(_)
+        );
         // First a place, then the number: a caller that is dropped while it waits takes no number, and events reach the
         // record in the order of their numbers.
         let place = self.writer.place().await?;

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use gnc_analysis::capture::Capture;
 use gnc_analysis::figures::Findings;
 use gnc_executive::catalogue::{ItemId, MeasurementSpec};
-use gnc_executive::event::{EventKind, NoteLevel, Power};
+use gnc_executive::event::{CapturedSamples, EventKind, NoteLevel, Power};
 use gnc_executive::limit::{Expected, Limit};
 use gnc_executive::measurement::Value;
 use gnc_executive::plan::{PlanItem, Question};
 use gnc_executive::quantity::Unit;
 use gnc_records::store::captures::CapturesError;
-use gnc_records::store::{RawFile, StoreError, captures};
+use gnc_records::store::{RawFile, RawPart, StoreError, captures};
 
 use crate::journal::RunJournal;
 
@@ -122,6 +122,28 @@ impl<'a> Recorder<'a> {
     pub(crate) async fn note(&self, text: &str) -> Result<(), StoreError> {
         let item = Some(self.item.name.clone());
         self.journal.emit(EventKind::Note { level: NoteLevel::Info, text: text.to_owned(), item }).await
+    }
+
+    /// Writes a sentence that needs attention to the log.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub(crate) async fn warning(&self, text: String) -> Result<(), StoreError> {
+        let item = Some(self.item.name.clone());
+        self.journal.emit(EventKind::Note { level: NoteLevel::Warning, text, item }).await
+    }
+
+    /// Files what a raw file of this attempt holds: its captures so far are complete.
+    ///
+    /// # Errors
+    /// The record could not be written.
+    pub(crate) async fn captured(&self, part: RawPart) -> Result<(), StoreError> {
+        let RawPart { file, bytes, sha256 } = part;
+        let (item, attempt) = (self.item.name.clone(), self.attempt);
+        // The journal knows what stands before the line, and has the key.
+        let (journal_sha256, signature) = (String::new(), None);
+        let captured = CapturedSamples { item, attempt, file, bytes, sha256, journal_sha256, signature };
+        self.journal.emit(EventKind::Captured(captured)).await
     }
 
     /// Opens the file for the raw samples of this round.

@@ -3,6 +3,7 @@
 //! The runner emits the events. Every observer (store, screen, text output, replay of a stored journal) folds the same
 //! sequence with [`RunState::apply`](crate::state::RunState::apply), so that all of them agree.
 
+mod captured;
 mod schema;
 
 use std::fmt;
@@ -20,6 +21,7 @@ use crate::part::{LimitsChosen, PartName};
 use crate::plan::Phase;
 use crate::verdict::Verdict;
 
+pub use captured::CapturedSamples;
 pub use schema::events_schema;
 
 /// Version of the events' form for a run of a whole plan. A program that reads a journal compares it first, with
@@ -54,7 +56,7 @@ pub struct Event {
 /// Events of a run come in this order:
 ///
 /// 1. `run_started`, once and first;
-/// 2. for each item that is run: for each attempt `item_started`, then any number of `measured`, `found` and
+/// 2. for each item that is run: for each attempt `item_started`, then any number of `measured`, `found`, `captured` and
 ///    `error_record`, then `attempt_ended`; after the last attempt `item_ended`. Attempts count from 1. Items may overlap: events of
 ///    one item keep their order, those of different items interleave;
 /// 3. for each skipped item `item_ended` alone, with its cause;
@@ -117,6 +119,8 @@ pub enum EventKind {
         /// The details as the analysis gives them; once for each round within the attempt.
         details: Details,
     },
+    /// Raw samples of an attempt are on disk.
+    Captured(CapturedSamples),
     /// The slave board made an error record for fault analysis.
     ErrorRecord {
         /// Name of the item.
@@ -514,7 +518,7 @@ pub enum StopHow {
 
 impl EventKind {
     /// The names of all kinds in journals.
-    pub(crate) const NAMES: [&str; 18] = [
+    pub(crate) const NAMES: [&str; 19] = [
         "run_started",
         "board_found",
         "board_rebooted",
@@ -525,6 +529,7 @@ impl EventKind {
         "item_started",
         "measured",
         "found",
+        "captured",
         "error_record",
         "attempt_ended",
         "item_ended",
@@ -548,6 +553,7 @@ impl EventKind {
             EventKind::ItemStarted { .. } => "item_started",
             EventKind::Measured { .. } => "measured",
             EventKind::Found { .. } => "found",
+            EventKind::Captured(_) => "captured",
             EventKind::ErrorRecord { .. } => "error_record",
             EventKind::AttemptEnded { .. } => "attempt_ended",
             EventKind::ItemEnded { .. } => "item_ended",

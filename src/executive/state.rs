@@ -432,6 +432,10 @@ impl RunState {
             EventKind::Found { item, attempt, details } => {
                 self.running(seq, kind, item, *attempt)?.details.push(details.clone());
             }
+            // What the files hold, the folder shows; here only the order counts.
+            EventKind::Captured(captured) => {
+                self.running(seq, kind, &captured.item, captured.attempt)?;
+            }
             EventKind::ErrorRecord { item, attempt, record } => {
                 self.running(seq, kind, item, *attempt)?.error_records.push(record.clone());
             }

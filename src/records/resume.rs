@@ -20,10 +20,12 @@ use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use sha2::{Digest as _, Sha256};
 
+use crate::raw::RawRecord;
+use crate::store::captured::CapturedFiles;
 use crate::store::captures::{self, CapturesError};
 use crate::store::chain::{self, Beginning, Beginnings, ChainStanding, SignedBy};
 use crate::store::reader::{self, ReadError};
-use crate::store::{self, DIGESTS, JOURNAL, StationKey, StoreError, digest};
+use crate::store::{self, DIGESTS, JOURNAL, PublicKey, StationKey, StoreError, digest};
 
 /// Longest journal of a run that is taken up again, as for each journal that is read.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
@@ -197,6 +199,12 @@ pub struct Resumed {
     limits: Option<LimitsChosen>,
     /// Items that had begun: position in the plan, name, last attempt.
     begun: Vec<(usize, String, u32)>,
+    /// What the journal says of the raw files.
+    captured: CapturedFiles,
+    /// The key of the station that takes the run up: it must have signed what the journal says.
+    key: Option<PublicKey>,
+    /// Whether the run has no end: until its station started again, nothing but the journal covered its raw files.
+    was_open: bool,
     /// The run that this one had taken up.
     before: Option<Box<Resumed>>,
 }
@@ -263,6 +271,9 @@ impl Resumed {
             calibration: kept.or_else(|| knows.and_then(|before| before.calibration.clone())).filter(|_| !stores),
             limits: state.limits().cloned().or_else(|| before.as_ref().and_then(|before| before.limits.clone())),
             begun,
+            captured: CapturedFiles::read(folder).map_err(ResumeError::Unreadable)?,
+            key: like.key.map(StationKey::public),
+            was_open: state.is_interrupted(),
             before,
         })
     }
@@ -300,39 +311,97 @@ impl Resumed {
         }
     }
 
-    /// The complete captures of a round of an item, from 1; empty if the round had not begun.
+    /// The complete captures of a round of an item, from 1; none if the round had not begun.
     ///
     /// # Errors
     /// The raw samples of the item are damaged.
-    pub fn captures(&self, item: &str, repeat: u32) -> Result<Vec<Capture>, ResumeError> {
+    pub fn captures(&self, item: &str, repeat: u32) -> Result<Taken, ResumeError> {
         let begun = self.begun.iter().find(|(_, name, _)| name == item);
-        let mut captures = match begun {
+        let mut taken = match begun {
             Some((position, name, attempt)) => {
-                complete(&captures::path(&self.folder, *position, name, *attempt, repeat))?
+                self.complete(&captures::path(&self.folder, *position, name, *attempt, repeat))?
             }
-            None => Vec::new(),
+            None => Taken::default(),
         };
         // A second attempt is made because the captures of the first are no good.
         let first = begun.is_none_or(|(_, _, attempt)| *attempt == 1);
         if let Some(before) = self.before.as_ref().filter(|_| first) {
-            for older in before.captures(item, repeat)? {
-                if !captures.iter().any(|capture| capture.about == older.about) {
-                    captures.push(older);
+            let older = before.captures(item, repeat)?;
+            for older in older.captures {
+                if !taken.captures.iter().any(|capture| capture.about == older.about) {
+                    taken.captures.push(older);
                 }
             }
+            taken.doubts.extend(older.doubts);
         }
-        Ok(captures)
+        Ok(taken)
+    }
+
+    /// The captures of a file that no figure need refuse and that are those that were captured; none if there is no file.
+    fn complete(&self, path: &Path) -> Result<Taken, ResumeError> {
+        let file = path.strip_prefix(&self.folder).unwrap_or(path);
+        let name = file.to_string_lossy();
+        let Some(said) = self.captured.of(&name) else { return self.unnamed(path, file) };
+        if !path.exists() {
+            return Ok(Taken::refused(&said.missing()));
+        }
+        let damaged = |source: std::io::Error| CapturesError { path: path.to_owned(), source: source.into() };
+        let (record, held) = captures::read_first(path, said.bytes()).map_err(damaged)?;
+        // In another file than the one that was captured there may be anything.
+        match said.doubt(&held, self.key.as_ref()) {
+            Some(doubt) => Ok(Taken::refused(&doubt)),
+            None => Ok(Taken { captures: good(record?), doubts: Vec::new() }),
+        }
+    }
+
+    /// The captures of a file that the journal does not name. In a run that ended its digests cover them. Otherwise the station
+    /// was killed before the first capture was complete, or an earlier version wrote the journal.
+    fn unnamed(&self, path: &Path, file: &Path) -> Result<Taken, ResumeError> {
+        if !path.exists() {
+            return Ok(Taken::default());
+        }
+        let what = format!("no line of the journal says what {} holds", gnc_text::shown_path(file));
+        let must_be_named = self.was_open && (self.key.is_some() || !self.captured.is_empty());
+        let captures = match captures::read(path) {
+            Ok(record) => good(record),
+            // In place of the file of this run there may be anything.
+            Err(_) if must_be_named => return Ok(Taken::refused(&what)),
+            Err(error) => return Err(error.into()),
+        };
+        if !self.was_open || captures.is_empty() {
+            return Ok(Taken { captures, doubts: Vec::new() });
+        }
+        if must_be_named {
+            return Ok(Taken::refused(&what));
+        }
+        let doubts = vec![format!(
+            "captures of the run to resume are taken over, and nothing shows that they are its own: {what}"
+        )];
+        Ok(Taken { captures, doubts })
     }
 }
 
-/// The captures of a file that no figure need refuse; empty if there is no file.
-fn complete(path: &Path) -> Result<Vec<Capture>, ResumeError> {
-    if !path.exists() {
-        return Ok(Vec::new());
+/// The captures that a run takes over from an earlier one.
+#[derive(Debug, Clone, Default)]
+pub struct Taken {
+    /// The captures.
+    pub captures: Vec<Capture>,
+    /// What is to be said of them, or of those that are not taken over, a sentence each.
+    pub doubts: Vec<String>,
+}
+
+impl Taken {
+    fn refused(why: &str) -> Self {
+        let doubt = format!("captures of the run to resume are not taken over and are made again: {why}");
+        Self { captures: Vec::new(), doubts: vec![doubt] }
     }
-    let mut captures = captures::read(path)?.captures;
+}
+
+/// The captures that no figure need refuse.
+fn good(record: RawRecord) -> Vec<Capture> {
+    let mut captures = record.captures;
     captures.retain(|capture| !capture.losses.any() && capture.check_clock().is_ok());
-    Ok(captures)
+    captures
 }
 
 /// When a run began, by the first event of its journal.

@@ -5,6 +5,7 @@
 //! the end, and a list of digests closes the folder.
 
 mod begun;
+pub(crate) mod captured;
 pub mod captures;
 pub mod chain;
 mod closing;
@@ -23,6 +24,7 @@ mod raw;
 pub mod reader;
 mod record_writer;
 mod recovery;
+mod tally;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -35,7 +37,7 @@ pub use closing::{goes_on, pretty};
 pub use folder::RunFolder;
 pub use key::{KeyError, PublicKey, StationKey};
 pub use name::number_of;
-pub use raw::RawFile;
+pub use raw::{RawFile, RawPart};
 pub use record_writer::{RecordWriter, Watcher};
 pub use recovery::{Sealer, seal_interrupted};
 

@@ -25,11 +25,11 @@ const PULLS: usize = 4;
 /// Runs at the same time.
 const THREADS: usize = 8;
 /// Speed of the runs that are interrupted: an item takes some seconds.
-const SPEED: &str = "50";
+pub(crate) const SPEED: &str = "50";
 /// Items that capture, by their folders.
 const CAPTURING: [&str; 3] = ["02-magnetometer-ellipsoid", "03-six-position", "05-rotation"];
 
-fn place(module: &str) -> Place {
+pub(crate) fn place(module: &str) -> Place {
     let place = Place::new(STATION);
     place.write("p.toml", SHORT);
     place.write("module.toml", module);
@@ -37,11 +37,11 @@ fn place(module: &str) -> Place {
 }
 
 /// A module whose gyroscope Z has a bias of 3 deg/s.
-fn bad() -> String {
+pub(crate) fn bad() -> String {
     WARM.replace("[gyro]", "[gyro]\noffset_dps = [0.0, 0.0, 3.0]")
 }
 
-fn args(speed: &'static str, seed: &str) -> Vec<String> {
+pub(crate) fn args(speed: &'static str, seed: &str) -> Vec<String> {
     let fixed =
         ["--auto", "p.toml", "--sim=module.toml", "--serial-number", "C-1", "--sim-speed", speed, "--seed", seed];
     fixed.map(str::to_owned).to_vec()
@@ -114,7 +114,7 @@ fn longer(records: &Path, file: &str, bytes: u64, ended: &mut impl FnMut() -> bo
 }
 
 /// Runs the station and sends it a signal at a moment. Returns the run, and whether the signal came in time.
-fn interrupt(place: &Place, args: &[String], (file, bytes): (&str, u64), signal: Signal) -> (PathBuf, bool) {
+pub(crate) fn interrupt(place: &Place, args: &[String], (file, bytes): (&str, u64), signal: Signal) -> (PathBuf, bool) {
     let before = place.runs().len();
     let mut station = place.station(args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the station");
     let records = place.path().join("records");

@@ -7,6 +7,7 @@
     reason = "what cannot be set up fails the test that needs it"
 )]
 
+mod exchanged;
 mod heat;
 mod inside;
 mod interruptions;

@@ -65,7 +65,7 @@ pub(super) async fn run(
     }
     followed?;
     capture.course.works_out();
-    capture.raw.finish().await?;
+    recorder.captured(capture.raw.finish().await?).await?;
     Ok(capture.captures)
 }
 
@@ -154,6 +154,12 @@ impl ProgramCapture<'_> {
         Ok(())
     }
 
+    /// Files that the captures so far are complete and on disk: a run that goes on from here takes them over.
+    async fn is_complete(&mut self) -> Result<(), ProcedureError> {
+        let part = self.raw.settled().await?;
+        Ok(self.recorder.captured(part).await?)
+    }
+
     async fn capture(&mut self, about: &CaptureHead, uses: Uses, until: Until) -> Result<(), ProcedureError> {
         let board = self.bench.board;
         let id = if uses == Uses::Compensated { StreamId::Compensated } else { StreamId::Imu };
@@ -200,6 +206,7 @@ impl ProgramCapture<'_> {
         }
         taken?;
         closed?;
+        self.is_complete().await?;
         let (about, first_us) = (about.clone(), first_us.unwrap_or(end_us));
         let (samples, compensated) = match compensated {
             Some(compensated) => (Vec::new(), compensated),

@@ -211,6 +211,11 @@ fn kinds(run: &Value) -> Vec<(&'static str, &'static str, Vec<Field>)> {
             of_attempt([("details", true, json!({ "description": "In the form of the item." }))]),
         ),
         (
+            "captured",
+            "Raw samples of an attempt are on disk: when a capture is complete, and when its file is.",
+            captured(),
+        ),
+        (
             "error_record",
             "The slave board made an error record for fault analysis.",
             of_attempt([("record", true, shared("error_record", "The record."))]),
@@ -310,6 +315,30 @@ fn breach() -> Vec<Field> {
         ("worst", false, text("The worst value, or the first case in words; absent if there is neither.")),
         ("safety", false, safety),
     ]
+}
+
+fn captured() -> Vec<Field> {
+    let digest =
+        |description: &str| json!({ "description": description, "type": "string", "pattern": "^[0-9a-f]{64}$" });
+    of_attempt([
+        ("file", true, text("The file, relative to the folder of the run.")),
+        (
+            "bytes",
+            true,
+            json!({ "description": "Number of its bytes that are on disk. It only grows, so they stay its first ones.", "type": "integer", "minimum": 0 }),
+        ),
+        ("sha256", true, digest("SHA-256 of these bytes.")),
+        ("journal_sha256", true, digest("SHA-256 of all lines of the journal before this one.")),
+        (
+            "signature",
+            false,
+            json!({
+                "description": "Ed25519 signature of the station; absent if it has no key. It is of the words gnc-station, captured, 1, journal_sha256, sha256, bytes and file, with a space between.",
+                "type": "string",
+                "pattern": "^[0-9a-f]{128}$"
+            }),
+        ),
+    ])
 }
 
 fn power() -> Vec<Field> {

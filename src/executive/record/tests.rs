@@ -180,6 +180,7 @@ pub(crate) fn problems(root: &Value, schema: &Value, value: &Value, path: &str) 
             "pattern" => {
                 let lengths: &[usize] = match rule.as_str().unwrap() {
                     "^[0-9a-f]{64}$" => &[64],
+                    "^[0-9a-f]{128}$" => &[128],
                     "^([0-9a-f]{40}|[0-9a-f]{64})$" => &[40, 64],
                     other => panic!("pattern {other}"),
                 };

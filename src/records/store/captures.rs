@@ -1,7 +1,9 @@
 //! Captures of a run, read back from its folder.
 
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
+use super::captured::{Digested, HeldBytes};
 use super::{JOURNAL, StoreError, chain, digest, item_folder, raw_file};
 use crate::raw::{self, RawError, RawOrigin, RawRecord};
 
@@ -44,6 +46,18 @@ pub fn read(path: &Path) -> Result<RawRecord, CapturesError> {
         None => Ok(record),
         Some(error) => Err(in_words(error)),
     }
+}
+
+/// Reads the first bytes of a raw file: its captures, and what these bytes are.
+///
+/// # Errors
+/// The file cannot be read at all.
+pub(crate) fn read_first(path: &Path, bytes: u64) -> io::Result<(Result<RawRecord, CapturesError>, HeldBytes)> {
+    let mut source = Digested::new(gnc_files::own(path)?.take(bytes));
+    let record = raw::read(&mut source).map_err(|source| CapturesError { path: path.to_owned(), source });
+    // It may have stopped at the end of the record.
+    io::copy(&mut source, &mut io::sink())?;
+    Ok((record, source.held()))
 }
 
 /// What is wrong with the raw files of a run, a sentence each: they are of another run.

@@ -9,6 +9,7 @@ use std::path::Path;
 use gnc_executive::record::RunRecord;
 use gnc_executive::text;
 
+use super::captured;
 use super::chain::{LateClose, Place, Scribe};
 use super::contents::Contents;
 use super::cut_off::CutOffFile;
@@ -93,7 +94,9 @@ fn seal_files(
     let mut sums = FileDigests::default();
     contents.add_to(&mut sums, folder)?;
     if let Some(record) = &record {
-        let log = log(record, contents.cut_off, late);
+        // A person had time to exchange files only where the station did not close the run itself.
+        let unlike = if record.interrupted || late.is_some() { captured::unlike(folder.path()) } else { Vec::new() };
+        let log = log(record, contents.cut_off, &unlike, late);
         sums.insert(LOG, folder.put_waiting(LOG, |out| out.write_all(log.as_bytes()))?);
         sums.insert(RECORD, folder.put_waiting(RECORD, |out| pretty(out, record))?);
         file_papers(folder, record, contents.cut_off, late, began, &mut sums)?;
@@ -109,9 +112,9 @@ fn seal_files(
     folder.put_synced(DIGESTS, |out| out.write_all(digests.as_bytes()))
 }
 
-/// The run as lines for people. It also lists what the journal cannot tell: that the run is closed late, and raw files that
-/// got their end later.
-fn log(record: &RunRecord, cut_off: &[CutOffFile], late: Option<&LateClose>) -> String {
+/// The run as lines for people. It also lists what the journal cannot tell: that the run is closed late, raw files that
+/// got their end later, and those that are not the ones that were captured.
+fn log(record: &RunRecord, cut_off: &[CutOffFile], unlike: &[String], late: Option<&LateClose>) -> String {
     let mut log = text::log_txt(record);
     if let Some(late) = late {
         log.push_str(&format!("\nCLOSED LATE: {}\n", late.in_words()));
@@ -119,6 +122,10 @@ fn log(record: &RunRecord, cut_off: &[CutOffFile], late: Option<&LateClose>) -> 
     if !cut_off.is_empty() {
         log.push_str("\nFiles of raw samples without an end\n");
         log.extend(cut_off.iter().map(|file| format!("  {}\n", file.in_words())));
+    }
+    if !unlike.is_empty() {
+        log.push_str("\nRaw samples that are not as the journal says\n");
+        log.extend(unlike.iter().map(|what| format!("  {what}\n")));
     }
     log
 }

@@ -23,6 +23,13 @@ pub(crate) fn hexadecimal(digest: &[u8]) -> String {
     })
 }
 
+/// The bytes of hexadecimal digits; `None` if they are none.
+#[must_use]
+pub(crate) fn bytes_of(digits: &str) -> Option<Vec<u8>> {
+    let digit = |byte: u8| char::from(byte).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
+    digits.as_bytes().chunks(2).map(|pair| Some(digit(*pair.first()?)? << 4 | digit(*pair.get(1)?)?)).collect()
+}
+
 /// Digest of a plan with all that it includes. It covers the length of the name, name, length of the text and text of
 /// each file, so that bytes cannot move from one to the other.
 pub fn of_plan<'a>(files: impl Iterator<Item = (&'a str, &'a [u8])>) -> String {

@@ -1,5 +1,5 @@
 //! The thread that writes the raw samples of an attempt, beside the thread that writes the journal. A slow disk delays
-//! the capture but does not drop samples.
+//! the capture but does not drop samples. The bytes are digested while they are written.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -11,6 +11,7 @@ use mcap::McapError;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{MissedTickBehavior, interval};
 
+use super::tally::{Held, Tallied};
 use super::{RunFolder, StoreError, on};
 use crate::raw::{Piece, RawOrigin, RawWriter};
 
@@ -25,8 +26,29 @@ const BUFFER: usize = 1 << 18;
 /// A raw file that is being written. Dropping it ends the file at this place.
 #[derive(Debug)]
 pub struct RawFile {
-    pieces: mpsc::Sender<Piece>,
-    ended: oneshot::Receiver<Result<(), StoreError>>,
+    /// The file, relative to the folder of the run.
+    name: String,
+    work: mpsc::Sender<Work>,
+    ended: oneshot::Receiver<Result<Held, StoreError>>,
+}
+
+/// What a raw file holds, on disk.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RawPart {
+    /// The file, relative to the folder of the run.
+    pub file: String,
+    /// Number of its bytes.
+    pub bytes: u64,
+    /// Their SHA-256, as hexadecimal digits.
+    pub sha256: String,
+}
+
+/// What the thread of a raw file is asked for.
+#[derive(Debug)]
+enum Work {
+    Piece(Piece),
+    /// All pieces before this are to be on disk.
+    Settle(oneshot::Sender<Held>),
 }
 
 /// The thread of a raw file; the file is complete when the thread has ended.
@@ -59,10 +81,10 @@ impl RawFile {
         origin: Option<RawOrigin>,
     ) -> Result<(Opening, RawThread), StoreError> {
         let path = folder.path().join(&name);
-        let (pieces, receiver) = mpsc::channel(ON_THE_WAY);
+        let (work, receiver) = mpsc::channel(ON_THE_WAY);
         let (done, ended) = oneshot::channel();
         let (created, there) = oneshot::channel();
-        let (folder, named) = (folder.clone(), path.clone());
+        let (folder, named, file_name) = (folder.clone(), path.clone(), name.clone());
         let spawned = std::thread::Builder::new().name("raw samples".into()).spawn(move || {
             let written = folder.create_below(&name).and_then(|file| {
                 // After a stop the receiver may be gone.
@@ -73,7 +95,7 @@ impl RawFile {
             let _ = done.send(written);
         });
         let thread = on(spawned, "start a thread for", &path)?;
-        Ok((Opening { file: Self { pieces, ended }, there }, thread))
+        Ok((Opening { file: Self { name: file_name, work, ended }, there }, thread))
     }
 
     /// Hands a piece over; waits if the disk is too slow.
@@ -81,42 +103,75 @@ impl RawFile {
     /// # Errors
     /// The cause why the file cannot be written.
     pub async fn write(&mut self, piece: Piece) -> Result<(), StoreError> {
-        match self.pieces.send(piece).await {
-            Ok(()) => Ok(()),
-            Err(_) => match (&mut self.ended).await {
-                Ok(Err(error)) => Err(error),
-                Ok(Ok(())) | Err(_) => Err(closed()),
-            },
+        self.ask(Work::Piece(piece)).await
+    }
+
+    /// Waits until all pieces so far are on disk, and says what the file holds then.
+    ///
+    /// # Errors
+    /// The cause why the file cannot be written.
+    pub async fn settled(&mut self) -> Result<RawPart, StoreError> {
+        let (sender, settled) = oneshot::channel();
+        self.ask(Work::Settle(sender)).await?;
+        match settled.await {
+            Ok(held) => Ok(part(self.name.clone(), held)),
+            Err(_) => Err(self.failed().await),
         }
     }
 
-    /// Ends the file and waits until it is on disk.
+    /// Ends the file, waits until it is on disk, and says what it holds.
     ///
     /// # Errors
     /// The cause why the file is not on disk.
-    pub async fn finish(self) -> Result<(), StoreError> {
-        drop(self.pieces);
-        self.ended.await.map_err(|_| closed())?
+    pub async fn finish(self) -> Result<RawPart, StoreError> {
+        let Self { name, work, ended } = self;
+        drop(work);
+        ended.await.map_err(|_| closed())?.map(|held| part(name, held))
     }
+
+    async fn ask(&mut self, work: Work) -> Result<(), StoreError> {
+        match self.work.send(work).await {
+            Ok(()) => Ok(()),
+            Err(_) => Err(self.failed().await),
+        }
+    }
+
+    /// Why the thread has ended.
+    async fn failed(&mut self) -> StoreError {
+        // Its cause can be had once.
+        if self.ended.is_terminated() {
+            return closed();
+        }
+        match (&mut self.ended).await {
+            Ok(Err(error)) => error,
+            Ok(Ok(_)) | Err(_) => closed(),
+        }
+    }
+}
+
+fn part(file: String, Held { bytes, sha256 }: Held) -> RawPart {
+    RawPart { file, bytes, sha256 }
 }
 
 fn closed() -> StoreError {
     StoreError::Closed { why: "the raw samples could not be written".into() }
 }
 
-fn write(file: File, path: &Path, origin: Option<&RawOrigin>, pieces: mpsc::Receiver<Piece>) -> Result<(), StoreError> {
+fn write(file: File, path: &Path, origin: Option<&RawOrigin>, work: mpsc::Receiver<Work>) -> Result<Held, StoreError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build();
     let runtime = on(runtime, "start a clock for", path)?;
-    let written = runtime.block_on(all(BufWriter::with_capacity(BUFFER, file), origin, pieces));
-    let file = written.map_err(|error| file_error(error, path))?;
-    on(file.into_inner().map_err(io::IntoInnerError::into_error).and_then(|file| file.sync_all()), "write", path)
+    let file = Tallied::new(file);
+    let out = BufWriter::with_capacity(BUFFER, file.clone());
+    let written = runtime.block_on(all(out, &file, origin, work)).map_err(|error| file_error(error, path))?;
+    on(written.into_inner().map_err(io::IntoInnerError::into_error).and_then(|file| file.held()), "write", path)
 }
 
 async fn all(
-    out: BufWriter<File>,
+    out: BufWriter<Tallied>,
+    file: &Tallied,
     origin: Option<&RawOrigin>,
-    mut pieces: mpsc::Receiver<Piece>,
-) -> Result<BufWriter<File>, McapError> {
+    mut work: mpsc::Receiver<Work>,
+) -> Result<BufWriter<Tallied>, McapError> {
     let mut out = RawWriter::new(out, origin)?;
     // A head alone is a valid file already.
     out.flush()?;
@@ -126,8 +181,13 @@ async fn all(
         tokio::select! {
             biased;
             _ = flush_due.tick() => out.flush()?,
-            piece = pieces.recv() => match piece {
-                Some(piece) => out.write(piece)?,
+            asked = work.recv() => match asked {
+                Some(Work::Piece(piece)) => out.write(piece)?,
+                Some(Work::Settle(settled)) => {
+                    out.flush()?;
+                    // After a stop the receiver may be gone.
+                    let _ = settled.send(file.held()?);
+                }
                 None => return out.finish(),
             },
         }

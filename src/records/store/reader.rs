@@ -13,6 +13,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
 use super::begun::was_never_begun;
+use super::captured::CapturedFiles;
 use super::digest::FileDigests;
 use super::{
     DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, captures, chain, digest, folded,
@@ -94,7 +95,7 @@ impl ReadError {
         }
     }
 
-    fn of_fold(path: PathBuf, error: FoldError) -> Self {
+    pub(super) fn of_fold(path: PathBuf, error: FoldError) -> Self {
         match error {
             FoldError::Read(source) => Self::File { path, source },
             FoldError::Journal(JournalError::Newer { unknown, .. }) => Self::Newer(unknown),
@@ -485,7 +486,7 @@ pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
 }
 
 /// A journal that is read line by line: a long one would take as much memory as its file.
-fn open_journal(path: &Path) -> Result<impl BufRead + use<>, ReadError> {
+pub(super) fn open_journal(path: &Path) -> Result<impl BufRead + use<>, ReadError> {
     let cannot = |source: io::Error| ReadError::File { path: path.to_owned(), source };
     let file = gnc_files::own(path).map_err(cannot)?;
     if file.metadata().map_err(cannot)?.len() > MAX_JOURNAL_BYTES {
@@ -575,6 +576,15 @@ pub fn verify_signature(folder: &Path, keys: &[PublicKey]) -> Option<String> {
     }
 }
 
+/// What the journal of a run says of its raw files and the station did not sign with one of the keys, a sentence each. Without
+/// keys nothing is checked.
+#[must_use]
+pub fn verify_captured(folder: &Path, keys: &[PublicKey]) -> Vec<String> {
+    // `verify` reports a journal that cannot be read.
+    let captured = CapturedFiles::read(folder).ok().filter(|_| !keys.is_empty());
+    captured.map_or_else(Vec::new, |captured| captured.unsigned(keys))
+}
+
 /// `is_ours`: the caller holds the run, so that no station writes it.
 fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     let only = |problem: String| Ok(Verified { problems: vec![problem], ..Verified::default() });
@@ -613,6 +623,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     let waiting: HashMap<PathBuf, &str> =
         pending::waiting(folder).into_iter().map(|name| (pending::waiting_name(name).into(), name)).collect();
     let mut unnamed = None;
+    let mut known = HashMap::new();
     for file in digest::files_below(folder)? {
         let named = waiting.get(&file).map(Path::new).filter(|name| promised.contains_key(*name));
         if named.is_some() {
@@ -628,7 +639,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
                 problems.push(format!("{} was replaced by something that is not a file", gnc_text::shown_path(&file)));
             }
             Some(digest) => match digest::of_file(&folder.join(&file)) {
-                Ok(found) if found == digest => {}
+                Ok(found) if found == digest => drop(known.insert(file, digest)),
                 Ok(_) => problems.push(format!("{} was changed", gnc_text::shown_path(&file))),
                 Err(error) => problems.push(gnc_text::with_causes(&error)),
             },
@@ -663,6 +674,10 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     }
     problems.extend(captures::of_other_runs(folder)?);
     if let Some(state) = state {
+        match CapturedFiles::read(folder) {
+            Ok(captured) => problems.extend(captured.unlike(folder, &known)),
+            Err(error) => problems.push(gnc_text::with_causes(&error)),
+        }
         let record = pending::path(folder, RECORD);
         let within = record.strip_prefix(folder).unwrap_or(&record);
         let stored = gnc_files::read_below(folder, within, MAX_RECORD_BYTES).ok();

@@ -11,10 +11,11 @@ use std::io::Write as _;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 
-use gnc_executive::event::{Event, EventKind, RunHeader};
+use gnc_executive::event::{CapturedSamples, Event, EventKind, RunHeader};
 use gnc_executive::plan::Plan;
 use gnc_executive::record::ItemFile;
 use gnc_executive::state::RunState;
+use sha2::{Digest as _, Sha256};
 use tokio::sync::{mpsc, oneshot};
 
 use super::chain::{self, Place, Scribe};
@@ -202,7 +203,7 @@ impl OnItsWay<'_> {
             Way::Awaited(written) => written.await.map_err(|_| closed())?,
             Way::Here(writer, event, sync) => {
                 let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
-                let written = writer.as_mut().ok_or_else(closed)?.write_and_tell(&event, sync);
+                let written = writer.as_mut().ok_or_else(closed)?.write_and_tell(*event, sync);
                 if written.is_err() {
                     *writer = None;
                 }
@@ -225,6 +226,8 @@ struct JournalFile {
     state: Arc<Mutex<RunState>>,
     watchers: Vec<Watcher>,
     line: Vec<u8>,
+    /// Digest of all lines so far.
+    written: Sha256,
     /// Where the chain says that the run began.
     began: Option<Place>,
     /// The plan as it runs.
@@ -256,6 +259,7 @@ impl JournalFile {
             state,
             watchers,
             line: Vec::new(),
+            written: Sha256::new(),
             began: None,
             plan: PlanFiles::Written(files),
             origin: Arc::default(),
@@ -264,7 +268,7 @@ impl JournalFile {
 
     fn run(mut self, mut events: mpsc::Receiver<(Event, Option<Written>)>) -> Result<(), StoreError> {
         while let Some((event, written)) = events.blocking_recv() {
-            let result = self.write_and_tell(&event, written.is_some());
+            let result = self.write_and_tell(event, written.is_some());
             let failed = result.is_err();
             match written {
                 Some(written) => {
@@ -279,11 +283,21 @@ impl JournalFile {
         Ok(())
     }
 
-    fn write_and_tell(&mut self, event: &Event, sync: bool) -> Result<(), StoreError> {
-        self.write(event, sync)?;
+    fn write_and_tell(&mut self, mut event: Event, sync: bool) -> Result<(), StoreError> {
+        if let EventKind::Captured(captured) = &mut event.kind {
+            self.vouch_for(captured);
+        }
+        self.write(&event, sync)?;
         // A watcher that no longer listens or is too far behind does not stop the run.
-        self.watchers.retain_mut(|watcher| watcher(event));
+        self.watchers.retain_mut(|watcher| watcher(&event));
         Ok(())
+    }
+
+    /// Ties what a raw file holds to all that the journal says before it, and signs that where the station has a key.
+    fn vouch_for(&self, captured: &mut CapturedSamples) {
+        captured.journal_sha256 = digest::hexadecimal(&self.written.clone().finalize());
+        let key = self.folder.key();
+        captured.signature = key.map(|key| digest::hexadecimal(&key.sign(captured.signed_text().as_bytes())));
     }
 
     fn write(&mut self, event: &Event, sync: bool) -> Result<(), StoreError> {
@@ -292,6 +306,7 @@ impl JournalFile {
         self.line.push(b'\n');
         let path = self.folder.path().join(JOURNAL);
         on(self.journal.write_all(&self.line), "write", &path)?;
+        self.written.update(&self.line);
         match &event.kind {
             EventKind::RunStarted { header, .. } => self.begin(header, event)?,
             EventKind::ItemEnded { item, .. } => self.file_item(item)?,

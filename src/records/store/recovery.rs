@@ -13,6 +13,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
 use super::begun::was_never_begun;
+use super::captured;
 use super::chain::{self, Before, Beginning, Begun, ChainStanding, Scribe, SignedBy};
 use super::closing::{clear_away, close, hold};
 use super::contents::{Contents, PlanFiles};
@@ -283,7 +284,7 @@ fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<
     let folder = RunFolder::existing(run).signed_with(by.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
     let began = chain::begin(run, &by.scribe())?;
-    let said = in_words(&state, &record, &cut_off);
+    let said = in_words(&state, &record, &cut_off, &captured::unlike(run));
     let plan = PlanFiles::found(run, &state);
     let contents = Contents { state: &Mutex::new(state), plan: &plan, cut_off: &cut_off, made: &[] };
     close(&folder, &contents, &by.scribe(), Some(&began))?;
@@ -340,13 +341,14 @@ pub(super) fn unlike_signature(run: &Path, is_signed: bool, key: Option<&Station
     (!is_like).then(|| format!("is left as it is: {SIGNATURE} is missing, or is not of the key of this start"))
 }
 
-fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile]) -> String {
+fn in_words(state: &RunState, record: &RunRecord, cut_off: &[CutOffFile], unlike: &[String]) -> String {
     let running = state.rows().iter().filter(|row| row.running().is_some());
     let running: Vec<&str> = running.map(|row| row.planned.name.as_str()).collect();
     let during = if running.is_empty() { String::new() } else { format!(" during {}", running.join(", ")) };
     let last = state.last().map_or_else(String::new, |last| format!(" after {}", last.at.format("%F %T")));
     let serial_number = &record.serial_number;
-    let ended: String = cut_off.iter().map(|file| format!("{}; ", file.in_short())).collect();
+    let files = cut_off.iter().map(CutOffFile::in_short).chain(unlike.iter().cloned());
+    let ended: String = files.map(|file| format!("{file}; ")).collect();
     format!("was interrupted{during}{last}; {ended}it is sealed as interrupted; test {serial_number} again")
 }
 

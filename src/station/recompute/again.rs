@@ -182,6 +182,8 @@ impl Judge<'_> {
                 self.differs(now != was, || format!("the run was {was}, is {now}"));
                 self.emit(event, EventKind::RunEnded(now));
             }
+            // The raw files stay where they are.
+            EventKind::Captured(_) => {}
             other => self.emit(event, other.clone()),
         }
         Ok(())

@@ -132,11 +132,13 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             continue;
         }
         let mut unsigned = None;
+        let mut began_signed = false;
         let mut broke_off = None;
         if let Some((run, book)) = books.of(folder) {
             if !against.keys.is_empty() && !reader::is_signed(folder) {
                 unsigned = book.why_unsigned(&run);
             }
+            began_signed = book.began_signed(&run);
             if all.is_none() && reader::is_sealed(folder) {
                 broke_off = book.broke_off(&run);
                 if broke_off.is_none() {
@@ -151,6 +153,9 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         }
         if unsigned.is_none() {
             found.problems.extend(reader::verify_signature(folder, against.keys));
+            // A station that got its key later did not sign what it had captured before.
+            let signs = if began_signed { against.keys } else { &[] };
+            found.problems.extend(reader::verify_captured(folder, signs));
         }
         let whole = found.problems.is_empty();
         // A chain that cannot be read is told with the chain.

@@ -39,6 +39,7 @@ pub(super) async fn capture(
         let at_s = end_us.saturating_sub(begin_us) as f64 * 1e-6;
         return Err(ProcedureError::CaptureLost { label: about.label.clone(), after: losses.received, at_s, losses });
     }
+    capture.is_complete().await?;
     let (about, receiver, timing) = (about.clone(), ear.heard, Timing::new(about.rate_hz));
     capture.captures.push(Capture {
         about,

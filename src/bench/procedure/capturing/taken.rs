@@ -4,7 +4,7 @@ use gnc_analysis::capture::Capture;
 use gnc_analysis::motion::{MotionStep, program};
 use gnc_executive::catalogue::{ItemId, Trace};
 use gnc_executive::plan::PlanItem;
-use gnc_records::resume::{ResumeError, Resumed};
+use gnc_records::resume::{ResumeError, Resumed, Taken};
 use tokio::task::JoinError;
 
 use super::{ProcedureContext, ProcedureError, Recorder};
@@ -23,7 +23,7 @@ pub(crate) async fn is_captured(item: &PlanItem, resumed: &Resumed) -> bool {
         return false;
     }
     for repeat in 1..=item.repeats {
-        let Ok(Ok(captures)) = read(resumed, &item.name, repeat).await else { return false };
+        let Ok(Ok(Taken { captures, .. })) = read(resumed, &item.name, repeat).await else { return false };
         let mut heads = program.steps.iter().filter_map(MotionStep::about);
         if !heads.all(|about| captures.iter().any(|capture| capture.about == *about)) {
             return false;
@@ -39,14 +39,20 @@ pub(super) async fn taken(
 ) -> Result<Vec<Capture>, ProcedureError> {
     let Some(resumed) = bench.resumed.filter(|_| takes_over(recorder.id())) else { return Ok(Vec::new()) };
     match read(resumed, recorder.item(), recorder.repeat()).await {
-        Ok(captures) => Ok(captures?),
+        Ok(taken) => {
+            let Taken { captures, doubts } = taken?;
+            for doubt in doubts {
+                recorder.warning(doubt).await?;
+            }
+            Ok(captures)
+        }
         Err(_) => Err(ProcedureError::Analysis {
             why: "the reading of earlier captures stopped unexpectedly, by a fault of this program".into(),
         }),
     }
 }
 
-async fn read(resumed: &Resumed, item: &str, repeat: u32) -> Result<Result<Vec<Capture>, ResumeError>, JoinError> {
+async fn read(resumed: &Resumed, item: &str, repeat: u32) -> Result<Result<Taken, ResumeError>, JoinError> {
     let (resumed, item) = (resumed.clone(), item.to_owned());
     tokio::task::spawn_blocking(move || resumed.captures(&item, repeat)).await
 }

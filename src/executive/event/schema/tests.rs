@@ -6,7 +6,8 @@ use serde_json::Value;
 
 use super::*;
 use crate::event::{
-    BoardBreach, BuildInfo, EarlierRun, Event, EventKind, Loop, OtherModule, ProgramVersion, RunHeader, StopHow,
+    BoardBreach, BuildInfo, CapturedSamples, EarlierRun, Event, EventKind, Loop, OtherModule, ProgramVersion,
+    RunHeader, StopHow,
 };
 use crate::numbers::{GivenNumber, NumberKind};
 use crate::part::{LimitsChosen, PartName};
@@ -38,7 +39,18 @@ fn events() -> Vec<Value> {
         let mut events = run.events.clone();
         let last = run.events.last().unwrap();
         let breach = BoardBreach { section: 9, what: "x".to_owned(), count: 2, worst: None, safety: false };
+        let captured = CapturedSamples {
+            item: "imu".to_owned(),
+            attempt: 1,
+            file: "01-imu/attempt-1.mcap".to_owned(),
+            bytes: 9,
+            sha256: "0".repeat(64),
+            journal_sha256: "1".repeat(64),
+            signature: None,
+        };
         for kind in [
+            EventKind::Captured(CapturedSamples { signature: Some("2".repeat(128)), ..captured.clone() }),
+            EventKind::Captured(captured),
             EventKind::StopRequested { how: StopHow::AtOnce, by: "SIGTERM".to_owned() },
             EventKind::Prompted {
                 item: None,

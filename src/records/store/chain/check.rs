@@ -56,7 +56,7 @@ pub struct ChainBook {
     /// The same, by the names under which they began.
     closes_of_begun: HashMap<String, usize>,
     /// Where among the lines runs began, by their names.
-    begins: HashMap<String, usize>,
+    pub(super) begins: HashMap<String, usize>,
     pub(super) counted: Option<Place>,
     /// What cannot be read, or stands in the wrong place.
     broken: Vec<String>,

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::begin;
 use super::check::{Against, ChainBook, ChainCheck};
 use super::entry::ChainEntry;
+use super::read::name_in;
 use crate::store::PublicKey;
 
 /// Number of the first line with a signature. It covers the link before it, and so all lines before.
@@ -83,6 +84,17 @@ pub(super) fn why_unsigned(book: &ChainBook, run: &str) -> Option<&'static str> 
         Some(since) if line.number < since => Some("not signed: there was no key yet, or the signature was taken away"),
         Some(_) if is_simulated(book, line) => Some("not signed: a simulated bench has no key"),
         _ => None,
+    }
+}
+
+impl ChainBook {
+    /// Whether the line of a run's beginning is signed: then its station had the key while it captured.
+    #[must_use]
+    pub fn began_signed(&self, run: &Path) -> bool {
+        let name = name_in(&self.records, run);
+        let began = self.close_of(&name).map_or(name.as_str(), ChainEntry::began_as);
+        let begin = self.begins.get(began).and_then(|at| self.lines.get(*at));
+        begin.is_some_and(|begin| begin.signature.is_some())
     }
 }
 

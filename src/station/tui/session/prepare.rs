@@ -87,7 +87,7 @@ impl Look {
         let chosen = held.plan.plan().items().iter().zip(&run.items).filter(|(_, row)| row.selected);
         chosen.into_iter().any(|(item, _)| {
             let Ok(Some(program)) = motion::program(item.id, &item.params) else { return false };
-            let captures = resumed.captures(&item.name, 1).unwrap_or_default();
+            let captures = resumed.captures(&item.name, 1).unwrap_or_default().captures;
             let mut heads = program.steps.iter().filter_map(MotionStep::about);
             heads.any(|about| !captures.iter().any(|capture| capture.about == *about))
         })

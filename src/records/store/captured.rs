@@ -1,0 +1,206 @@
+//! What the journal says of the raw files of a run. While a run has no end, nothing else covers them: a file that is exchanged
+//! before the next start has other bytes than those that the journal names.
+//!
+//! Each line about a file also has the digest of all lines before it, and where the station has a key, its signature. So with
+//! the key, what was measured before a capture cannot be edited either.
+
+use std::collections::{BTreeMap, HashMap};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use gnc_executive::event::{CapturedSamples, Event, EventKind};
+use gnc_executive::journal::JournalLines;
+use sha2::{Digest as _, Sha256};
+
+use super::reader::{ReadError, open_journal};
+use super::{JOURNAL, PublicKey, digest};
+
+/// What each line about a raw file has near its beginning. The journal is long, and most of it need not be taken apart.
+const MARK: &[u8] = b"\"kind\":\"captured\"";
+/// Bytes of a line in which its kind stands: number and times come before it.
+const HEAD: usize = 256;
+
+/// The raw files of a run, as its journal names them.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct CapturedFiles(BTreeMap<String, CapturedFile>);
+
+/// The last line about a raw file.
+#[derive(Debug, Clone)]
+pub(crate) struct CapturedFile {
+    said: CapturedSamples,
+    /// Whether the lines before it are those that the line names.
+    is_tied: bool,
+}
+
+/// What is not as the journal of a run says it, a sentence each; nothing if the journal cannot be read.
+pub(super) fn unlike(run: &Path) -> Vec<String> {
+    CapturedFiles::read(run).map(|captured| captured.unlike(run, &HashMap::new())).unwrap_or_default()
+}
+
+impl CapturedFiles {
+    /// Reads the journal of a run as far as it goes; a fold must have found it good.
+    ///
+    /// # Errors
+    /// The journal cannot be read.
+    pub(crate) fn read(run: &Path) -> Result<Self, ReadError> {
+        let path = run.join(JOURNAL);
+        let mut lines = JournalLines::new(open_journal(&path)?);
+        let (mut before, mut files) = (Sha256::new(), BTreeMap::new());
+        while let Some(line) = lines.next_line().map_err(|error| ReadError::of_fold(path.clone(), error))? {
+            let head = &line.bytes[..line.bytes.len().min(HEAD)];
+            if head.windows(MARK.len()).any(|part| part == MARK)
+                && let Ok(Event { kind: EventKind::Captured(said), .. }) = serde_json::from_slice(line.bytes)
+            {
+                let is_tied = said.journal_sha256 == digest::hexadecimal(&before.clone().finalize());
+                files.insert(said.file.clone(), CapturedFile { said, is_tied });
+            }
+            before.update(line.bytes);
+        }
+        Ok(Self(files))
+    }
+
+    /// Whether the journal names no raw file: it captured nothing, or an earlier version wrote it.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// What is said of a file, by its path relative to the folder of the run.
+    pub(crate) fn of(&self, file: &str) -> Option<&CapturedFile> {
+        self.0.get(file)
+    }
+
+    /// What is not as the journal says it, a sentence each. `known` are digests of whole files that were read before.
+    pub(crate) fn unlike(&self, run: &Path, known: &HashMap<PathBuf, String>) -> Vec<String> {
+        let mut problems = Vec::new();
+        for (file, captured) in &self.0 {
+            let name = Path::new(file);
+            let CapturedSamples { bytes, sha256, .. } = &captured.said;
+            let length = run.join(name).symlink_metadata().map_or(0, |meta| meta.len());
+            let is_known = known.get(name).is_some_and(|known| length == *bytes && known == sha256);
+            let unlike = match gnc_files::below(run, name) {
+                _ if is_known => None,
+                Ok(found) => match digest_of(&mut found.take(*bytes)) {
+                    Ok(held) => captured.unlike(&held),
+                    Err(error) => Some(format!("{} cannot be read: {error}", captured.shown())),
+                },
+                Err(error) if error.kind() == io::ErrorKind::NotFound => Some(captured.missing()),
+                Err(error) => Some(format!("{} cannot be read: {error}", captured.shown())),
+            };
+            problems.extend(unlike);
+        }
+        // An edited line is behind all that follow.
+        problems.extend(self.0.values().find(|captured| !captured.is_tied).map(CapturedFile::untied));
+        problems
+    }
+
+    /// The lines about files that none of these keys signed, a sentence each.
+    pub(crate) fn unsigned(&self, keys: &[PublicKey]) -> Vec<String> {
+        let unsigned = self.0.values().filter(|captured| !captured.is_signed_by(keys));
+        unsigned
+            .map(|captured| {
+                format!("the line of the journal that says what {} holds is not signed with this key", captured.shown())
+            })
+            .collect()
+    }
+}
+
+impl CapturedFile {
+    /// Number of bytes of the file that are named.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.said.bytes
+    }
+
+    /// Whether one of these keys signed the line.
+    pub(crate) fn is_signed_by(&self, keys: &[PublicKey]) -> bool {
+        let signature = self.said.signature.as_deref().and_then(digest::bytes_of);
+        let text = self.said.signed_text();
+        signature.is_some_and(|signature| keys.iter().any(|key| key.signed(text.as_bytes(), &signature)))
+    }
+
+    /// Why nothing of the file may be used, if what it holds is this, and the line must be signed with this key.
+    pub(crate) fn doubt(&self, held: &HeldBytes, key: Option<&PublicKey>) -> Option<String> {
+        let is_signed = key.is_none_or(|key| self.is_signed_by(std::slice::from_ref(key)));
+        match self.unlike(held) {
+            Some(unlike) => Some(unlike),
+            None if !self.is_tied => Some(self.untied()),
+            None if !is_signed => Some(format!(
+                "the line of the journal that says what {} holds is not signed with the key of this station",
+                self.shown()
+            )),
+            None => None,
+        }
+    }
+
+    /// The sentence about a file that is gone.
+    pub(crate) fn missing(&self) -> String {
+        format!("{} is missing, and the journal says that it was captured", self.shown())
+    }
+
+    fn unlike(&self, held: &HeldBytes) -> Option<String> {
+        let CapturedSamples { bytes, sha256, .. } = &self.said;
+        if held.bytes < *bytes {
+            let has = held.bytes;
+            return Some(format!(
+                "{} is not the one that was captured: it has {has} bytes, and the journal says what its first {bytes} are",
+                self.shown()
+            ));
+        }
+        (held.sha256 != *sha256).then(|| {
+            format!(
+                "{} is not the one that was captured: its first {bytes} bytes have another SHA-256 than the journal says",
+                self.shown()
+            )
+        })
+    }
+
+    fn untied(&self) -> String {
+        format!("the journal was changed before its line that says what {} holds", self.shown())
+    }
+
+    fn shown(&self) -> String {
+        gnc_text::shown_path(Path::new(&self.said.file))
+    }
+}
+
+/// Bytes that were read, and their SHA-256 as hexadecimal digits.
+#[derive(Debug)]
+pub(crate) struct HeldBytes {
+    pub(crate) bytes: u64,
+    pub(crate) sha256: String,
+}
+
+fn digest_of(source: &mut impl Read) -> io::Result<HeldBytes> {
+    let mut reader = Digested::new(source);
+    io::copy(&mut reader, &mut io::sink())?;
+    Ok(reader.held())
+}
+
+/// Digests what is read.
+pub(crate) struct Digested<R> {
+    source: R,
+    bytes: u64,
+    hasher: Sha256,
+}
+
+impl<R: Read> Digested<R> {
+    pub(crate) fn new(source: R) -> Self {
+        Self { source, bytes: 0, hasher: Sha256::new() }
+    }
+
+    /// What was read.
+    pub(crate) fn held(self) -> HeldBytes {
+        HeldBytes { bytes: self.bytes, sha256: digest::hexadecimal(&self.hasher.finalize()) }
+    }
+}
+
+impl<R: Read> Read for Digested<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.source.read(buffer)?;
+        self.hasher.update(&buffer[..read]);
+        self.bytes += read as u64;
+        Ok(read)
+    }
+}
+
+#[cfg(test)]
+mod tests;
