@@ -107,7 +107,7 @@ fn selected(only: Option<&str>) -> Result<(), CommandRefusal> {
 
 fn check(args: &CheckArgs, line: &BoardLine) -> Result<Result<Ended, NoBoard>, CommandRefusal> {
     let system = |error: std::io::Error| CommandRefusal::new(format!("cannot start the checks: {error}"), "");
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(system)?;
+    let runtime = crate::threads::beside().map_err(system)?;
     runtime.block_on(async {
         let link =
             Link::open(&line.target).map_err(|error| CommandRefusal::new(with_causes(&error), error.try_this()))?;

@@ -83,6 +83,7 @@ enum Command {
         records: RecordsArgs,
     },
     /// Writes the raw samples of a run as tables, for programs that do not read MCAP.
+    #[command(after_help = crate::export::EXIT_CODES)]
     Export {
         /// The run's folder: a path from here, or a path below the records folder.
         run: PathBuf,

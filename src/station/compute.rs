@@ -33,6 +33,7 @@ use thiserror::Error;
 use crate::exit_code::USAGE;
 use crate::locale::Environment;
 use crate::phrases::in_language;
+use crate::progress::Progress;
 use crate::wording::Lines;
 use report::FigureReport;
 use table::{ReadingOptions, TableError};
@@ -156,7 +157,9 @@ impl Args {
 /// Computes, prints and returns the exit code of the process.
 #[must_use]
 pub(crate) fn run(args: &Args) -> ExitCode {
+    let progress = Progress::begin("the record is read and worked out");
     let (name, outcome) = args.outcome();
+    drop(progress);
     let outcome = outcome.and_then(|mut outcome| {
         if let Some(path) = &args.plot {
             write(path, &gnc_plot::svg(&with_printable_texts(std::mem::take(&mut outcome.panels))))?;

@@ -34,7 +34,7 @@ pub(crate) fn at_second_signal(
 ) -> std::io::Result<()> {
     let (tell, ready) = mpsc::channel();
     std::thread::Builder::new().name("signals".into()).spawn(move || {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = crate::threads::beside();
         let runtime = match runtime {
             Ok(runtime) => runtime,
             Err(error) => return drop(tell.send(Err(error))),

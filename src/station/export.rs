@@ -2,24 +2,39 @@
 
 mod csv;
 mod parquet;
+mod place;
 mod table;
 
-use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::ValueEnum;
 use gnc_analysis::capture::Capture;
-use gnc_records::raw::RawRecord;
+use gnc_records::raw::{RawRecord, Unfinished};
 use gnc_records::store::captures::{self, CapturesError};
 use gnc_records::store::reader::{self, ReadError};
 use gnc_records::store::{StoreError, on};
 use gnc_text::{printable, with_causes};
 
+use self::place::{Stop, Tables};
 use self::table::{SampleTable, TableKind};
+use crate::exit_code::ABORTED;
+use crate::progress::Progress;
 use crate::records::{self, RecordsArgs};
 use crate::refusal::{complain, refuse};
 use crate::wording::Lines;
+
+/// Exit code of an export without all that was asked for.
+const INCOMPLETE: u8 = 3;
+
+/// The part of `--help` about exit codes.
+pub(crate) const EXIT_CODES: &str = "\
+Exit codes:
+  0  all raw samples of the run are exported
+  2  nothing is exported
+  3  raw samples are left out, and each file with its reason is named
+  4  a signal ended the export, and nothing of it is left";
 
 /// The form of an export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -43,27 +58,35 @@ impl Format {
 #[derive(Debug, thiserror::Error)]
 enum ExportError {
     #[error(transparent)]
-    Captures(#[from] CapturesError),
-    #[error(transparent)]
     Store(#[from] StoreError),
     #[error("{} holds no raw samples", gnc_text::shown_path(folder))]
     Nothing { folder: PathBuf },
+    #[error("{} holds no raw samples that can be exported", gnc_text::shown_path(folder))]
+    NothingGood { folder: PathBuf, left_out: Vec<Doubt> },
     #[error("{} already exists", gnc_text::shown_path(path))]
     Exists { path: PathBuf },
+    #[error("{} is there: an export was killed, or another one goes on", gnc_text::shown_path(path))]
+    GoesOn { path: PathBuf },
     #[error("{} cannot be written", gnc_text::shown_path(path))]
     Parquet { path: PathBuf, source: ::parquet::errors::ParquetError },
+    #[error("the export was interrupted, and nothing of it is left")]
+    Interrupted,
 }
 
 impl ExportError {
     fn try_this(&self) -> &'static str {
         match self {
-            Self::Captures(error) => error.source.try_this(),
             Self::Store(error) => error.try_this(),
             Self::Nothing { .. } => {
                 "choose another run with `gnc-station records list`; only items that capture write raw samples"
             }
+            Self::NothingGood { .. } => {
+                "restore the run's folder from a backup; `gnc-station records verify` says what was changed"
+            }
             Self::Exists { .. } => "name another folder with --out",
+            Self::GoesOn { .. } => "remove that folder if no export goes on, or name another one with --out",
             Self::Parquet { .. } => "free some space on the disk, or name another folder with --out",
+            Self::Interrupted => "run the same command again",
         }
     }
 }
@@ -76,21 +99,80 @@ pub(crate) fn run(run: &Path, within: &RecordsArgs, format: Format, out: Option<
     };
     let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let out = out.map_or_else(|| PathBuf::from(format!("{name}-export")), Path::to_owned);
-    match all(&folder, &out, format) {
-        Ok(doubts) => {
-            for Doubt { what, try_this } in doubts {
-                complain(what, try_this);
+    let stop = Stop::watch();
+    match all(&folder, &out, format, &stop) {
+        Ok(Exported { doubts, left_out, lines }) => {
+            let mut told = Lines::to_stdout();
+            for line in lines {
+                told.say(line);
             }
-            ExitCode::SUCCESS
+            doubts.into_iter().for_each(Doubt::complain);
+            if left_out.is_empty() {
+                return ExitCode::SUCCESS;
+            }
+            left_out.into_iter().for_each(Doubt::complain);
+            ExitCode::from(INCOMPLETE)
+        }
+        Err(_) if stop.is_asked() => {
+            let error = ExportError::Interrupted;
+            complain(&error, error.try_this());
+            ExitCode::from(ABORTED)
+        }
+        Err(ExportError::NothingGood { folder, left_out }) => {
+            left_out.into_iter().for_each(Doubt::complain);
+            let error = ExportError::NothingGood { folder, left_out: Vec::new() };
+            refuse(&error, error.try_this())
         }
         Err(error) => refuse(with_causes(&error), error.try_this()),
     }
 }
 
-/// A warning about an exported file, for the user.
+/// What was exported.
+#[derive(Default)]
+struct Exported {
+    /// What the exported files lack.
+    doubts: Vec<Doubt>,
+    /// What was asked for and is not exported.
+    left_out: Vec<Doubt>,
+    /// A line for each exported file.
+    lines: Vec<String>,
+}
+
+/// A warning about a file, for the user.
+#[derive(Debug)]
 struct Doubt {
     what: String,
     try_this: &'static str,
+}
+
+impl Doubt {
+    fn complain(self) {
+        complain(self.what, self.try_this);
+    }
+
+    /// Samples whose file is in order as far as it goes, and that are no whole capture.
+    fn unfinished(file: &Path, record: &RawRecord) -> Option<Self> {
+        let Unfinished { about, samples } = record.unfinished.as_ref()?;
+        Some(Self {
+            what: format!(
+                "{}: capture `{}` has no end, and its {samples} samples are left out",
+                gnc_text::shown_path(file),
+                printable(&about.label)
+            ),
+            try_this: "take them from the MCAP file, or run the item again",
+        })
+    }
+
+    fn refused(error: &CapturesError) -> Self {
+        Self { what: format!("{}; they are left out", with_causes(error)), try_this: error.source.try_this() }
+    }
+
+    fn missing(file: &Path) -> Self {
+        Self {
+            what: format!("{} is missing, so its samples are left out", gnc_text::shown_path(file)),
+            try_this: "restore the run's folder from a backup; `gnc-station records verify` says what was changed",
+        }
+    }
 }
 
 /// Returns what a file and its captures lack.
@@ -122,40 +204,79 @@ fn newer(folder: &Path) -> Option<Doubt> {
     Some(Doubt { what, try_this: error.try_this() })
 }
 
-/// Exports every raw file, and returns the warnings about them.
-fn all(folder: &Path, out: &Path, format: Format) -> Result<Vec<Doubt>, ExportError> {
+/// Exports every raw file that can be read.
+fn all(folder: &Path, out: &Path, format: Format, stop: &Stop) -> Result<Exported, ExportError> {
     let files = captures::files(folder)?;
-    if files.is_empty() {
+    let missing = captures::missing(folder)?;
+    if files.is_empty() && missing.is_empty() {
         return Err(ExportError::Nothing { folder: folder.to_owned() });
     }
-    if out.exists() {
+    if out.symlink_metadata().is_ok() {
         return Err(ExportError::Exists { path: out.to_owned() });
     }
-    on(fs::create_dir_all(out), "create", out)?;
-    let mut found: Vec<Doubt> = newer(folder).into_iter().collect();
-    let mut told = Lines::to_stdout();
+    let progress = Progress::begin("raw samples are exported");
+    let bytes_of = |file: &PathBuf| file.metadata().map_or(0, |meta| meta.len() as usize);
+    progress.total(files.iter().map(bytes_of).sum());
+    let tables = Tables::create(out).map_err(|error| match Tables::part_of(out) {
+        path if error.kind() == io::ErrorKind::AlreadyExists => ExportError::GoesOn { path },
+        _ => StoreError::File { what: "create", path: out.to_owned(), source: error }.into(),
+    })?;
+    let mut done = Exported::default();
+    done.left_out.extend(missing.iter().map(|file| Doubt::missing(file)));
     for file in files {
-        let record = captures::read(&file)?;
-        let item = file.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
-        let attempt = file.file_stem().unwrap_or_default().to_string_lossy();
-        let (compensated, raw): (Vec<&Capture>, Vec<&Capture>) =
-            record.captures.iter().partition(|capture| !capture.compensated.is_empty());
-        for (captures, kind) in [(raw, TableKind::Raw), (compensated, TableKind::Compensated)] {
-            if captures.is_empty() && (kind == TableKind::Compensated || !record.captures.is_empty()) {
-                continue;
-            }
-            let path = out.join(format!("{item}-{attempt}{}.{}", kind.suffix(), format.extension()));
-            let file = on(gnc_files::create_new(&path), "create", &path)?;
-            let tables = captures.iter().map(|capture| SampleTable::of(capture, kind));
-            match format {
-                Format::Csv => on(csv::write(file, kind, tables), "write", &path)?,
-                Format::Parquet => parquet::write(file, kind, tables)
-                    .map_err(|source| ExportError::Parquet { path: path.clone(), source })?,
-            }
-            let samples: usize = captures.iter().map(|capture| kind.samples(capture)).sum();
-            told.say(format_args!("{}: {} captures, {samples} samples", gnc_text::shown_path(&path), captures.len()));
+        let record = captures::read_watched(&file, |bytes| {
+            progress.step(bytes);
+            stop.check()
+        });
+        if stop.is_asked() {
+            return Err(ExportError::Interrupted);
         }
-        found.extend(doubts(&file, &record));
+        match record {
+            Ok(record) => {
+                done.lines.extend(tables_of(&file, &record, &tables, format, stop)?);
+                done.doubts.extend(doubts(&file, &record));
+                done.left_out.extend(Doubt::unfinished(&file, &record));
+            }
+            Err(error) => done.left_out.push(Doubt::refused(&error)),
+        }
     }
-    Ok(found)
+    if done.lines.is_empty() {
+        return Err(ExportError::NothingGood { folder: folder.to_owned(), left_out: done.left_out });
+    }
+    done.doubts.extend(newer(folder));
+    on(tables.place(), "create", out)?;
+    Ok(done)
+}
+
+/// Writes the tables of a raw file, and returns a line for each.
+fn tables_of(
+    file: &Path,
+    record: &RawRecord,
+    tables: &Tables,
+    format: Format,
+    stop: &Stop,
+) -> Result<Vec<String>, ExportError> {
+    let item = file.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
+    let attempt = file.file_stem().unwrap_or_default().to_string_lossy();
+    let (compensated, raw): (Vec<&Capture>, Vec<&Capture>) =
+        record.captures.iter().partition(|capture| !capture.compensated.is_empty());
+    let mut lines = Vec::new();
+    for (captures, kind) in [(raw, TableKind::Raw), (compensated, TableKind::Compensated)] {
+        if captures.is_empty() && (kind == TableKind::Compensated || !record.captures.is_empty()) {
+            continue;
+        }
+        let name = format!("{item}-{attempt}{}.{}", kind.suffix(), format.extension());
+        let path = tables.path(&name);
+        let mut table = on(tables.file(&name, stop), "create", &path)?;
+        let samples_of = captures.iter().map(|capture| SampleTable::of(capture, kind));
+        match format {
+            Format::Csv => on(csv::write(&mut table, kind, samples_of), "write", &path)?,
+            Format::Parquet => parquet::write(&mut table, kind, samples_of)
+                .map_err(|source| ExportError::Parquet { path: path.clone(), source })?,
+        }
+        on(table.sync(), "write", &path)?;
+        let samples: usize = captures.iter().map(|capture| kind.samples(capture)).sum();
+        lines.push(format!("{}: {} captures, {samples} samples", gnc_text::shown_path(&path), captures.len()));
+    }
+    Ok(lines)
 }

@@ -150,7 +150,7 @@ fn serve(
     mut killed: watch::Receiver<bool>,
     trouble: &impl Fn(String),
 ) -> usize {
-    let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
+    let runtime = match crate::threads::beside() {
         Ok(runtime) => runtime,
         Err(error) => {
             trouble(format!("{} cannot be started: {error}", program.name()));

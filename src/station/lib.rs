@@ -19,6 +19,7 @@ mod hook;
 mod locale;
 mod phrases;
 mod ports;
+mod progress;
 mod recompute;
 mod records;
 mod refusal;

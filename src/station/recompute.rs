@@ -17,6 +17,7 @@ use gnc_files::Reach;
 use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StationKey, StoreError, digest, reader};
 use gnc_text::{printable, with_causes};
 
+use crate::progress::Progress;
 use crate::records::RecordsArgs;
 use crate::refusal::{complain, refuse};
 use crate::wording::Lines;
@@ -42,6 +43,7 @@ pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<(&Path, Reach)>
         Ok(folder) => folder,
         Err(refused) => return refused,
     };
+    let progress = Progress::begin("the run is worked out again");
     let done = match plan {
         None => same(&folder),
         Some((plan, reach)) => match within.key(key) {
@@ -49,6 +51,7 @@ pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<(&Path, Reach)>
             Err(refusal) => return refuse(refusal.what, &refusal.try_this),
         },
     };
+    drop(progress);
     done.unwrap_or_else(|error| refuse(with_causes(&error), error.try_this()))
 }
 
@@ -129,7 +132,7 @@ fn other(folder: &Path, path: &Path, reach: Reach, key: Option<StationKey>) -> R
 fn file(folder: &Path, plan: &Plan, again: &Again, key: Option<StationKey>) -> Result<PathBuf, RunError> {
     let beside = RunFolder::beside(folder, "recomputed")?.signed_with(key);
     let path = beside.path().to_owned();
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = crate::threads::beside();
     let runtime =
         runtime.map_err(|source| StoreError::File { what: "start a thread for", path: path.clone(), source })?;
     runtime.block_on(write(RecordWriter::start(beside, plan, Vec::new())?, &again.events))?;

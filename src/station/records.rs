@@ -16,6 +16,7 @@ use gnc_records::store::{StationKey, StoreError, chain, goes_on};
 use gnc_text::{exact, printable};
 
 use crate::args::{RecordsCommand, RunArgs};
+use crate::progress::Progress;
 use crate::refusal::{CommandRefusal, refuse};
 use crate::wording::{Lines, Wording, padded};
 pub(crate) use place::RecordsArgs;
@@ -71,7 +72,10 @@ fn state(wording: &Wording, word: &str) -> String {
 }
 
 fn show(folder: &Path) -> ExitCode {
-    match reader::read(folder) {
+    let progress = Progress::begin("the run is read");
+    let run = reader::read(folder);
+    drop(progress);
+    match run {
         Ok(run) => {
             let mut out = Lines::to_stdout();
             out.wording.keep_names_of(&run);

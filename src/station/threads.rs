@@ -1,5 +1,5 @@
-//! The threads that a run takes: the system is asked for them before anything is switched on. A run that met the limit at its
-//! end would lose its record.
+//! The threads and files that a run takes: the system is asked for them before anything is switched on. A run that met the
+//! limit at its end would lose its record.
 
 use std::io;
 use std::sync::mpsc::{Receiver, channel};
@@ -15,6 +15,12 @@ const WAITING: usize = 4;
 /// All threads of a run: those, the journal, the raw samples of two items, what is shown, the operator, keys, the picture of a
 /// question, the hook and its end, signals, the simulated bench.
 const OF_A_RUN: usize = WAITING + 11;
+/// Files that a run has open at once: the lines to the board, those of the simulated bench and of signals, the journal, the log,
+/// raw samples of two items, folders while the chain is written, the hook with its pipes.
+const FILES_OF_A_RUN: usize = 40;
+/// Files that a runtime has open: the queue of its events, a way to wake it, and both ends of the line on which signals come.
+/// The library would panic without the last ones.
+const FILES_OF_A_RUNTIME: usize = 8;
 /// A thread that is idle stays: longer than any run.
 const STAYS: Duration = Duration::from_secs(365 * 86_400);
 
@@ -30,6 +36,12 @@ pub(crate) fn runtime() -> Result<Runtime, CommandRefusal> {
             "end other programs of this user, or raise the limit: `ulimit -u`, or pids.max of the container",
         )
     })?;
+    files(FILES_OF_A_RUN).map_err(|error| {
+        CommandRefusal::new(
+            format_args!("this program cannot open the {FILES_OF_A_RUN} files that a run takes: {error}"),
+            "raise the limit: `ulimit -n`, or LimitNOFILE of the service; or end other programs of this computer",
+        )
+    })?;
     let runtime = Builder::new_current_thread().enable_all().thread_keep_alive(STAYS).build().map_err(cannot)?;
     // Each of them waits until all are there, else one thread would do the work of all.
     let (held, waits): (Vec<_>, Vec<Receiver<()>>) = (0..WAITING).map(|_| channel()).unzip();
@@ -38,6 +50,22 @@ pub(crate) fn runtime() -> Result<Runtime, CommandRefusal> {
     }
     drop(held);
     Ok(runtime)
+}
+
+/// A runtime beside a run, or without one, on the thread that asks for it.
+///
+/// # Errors
+/// The system gives too few files, or refuses the runtime.
+pub(crate) fn beside() -> io::Result<Runtime> {
+    files(FILES_OF_A_RUNTIME)?;
+    Builder::new_current_thread().enable_all().build()
+}
+
+/// Asks for so many files at the same time, and gives them back.
+fn files(count: usize) -> io::Result<()> {
+    let (first, _other) = io::pipe()?;
+    let held: io::Result<Vec<io::PipeReader>> = (0..count.saturating_sub(2)).map(|_| first.try_clone()).collect();
+    held.map(drop)
 }
 
 /// Starts as many threads as a run takes, all at the same time, and ends them again.

@@ -101,7 +101,7 @@ fn open(args: &RunArgs, began: Instant) -> Result<Option<Verdict>, CommandRefusa
     let cannot = |error: io::Error| CommandRefusal::new(format!("cannot start the screen: {error}"), "");
     let runtime = threads::runtime()?;
     // This one hears interrupts when the first one has ended.
-    let ending = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(cannot)?;
+    let ending = threads::beside().map_err(cannot)?;
     let signals = {
         let _inside = runtime.enter();
         Signals::new().map_err(cannot)?

@@ -14,6 +14,8 @@ use super::{STATION, check};
 
 /// User and group without any other process.
 const LONELY: &str = "65531";
+/// Another user of that kind: tests run at the same time.
+const ALONE: &str = "65532";
 /// Fewer threads than a run takes.
 const FEW: &str = "--nproc=6";
 
@@ -194,4 +196,64 @@ fn too_few_threads_refuse_the_run() {
     assert_eq!(ended.status.code(), Some(2), "{said}");
     assert!(said.contains("threads that a run takes") && !said.contains("panicked"), "{said}");
     assert!(!place.path().join("records").exists());
+}
+
+/// With few files a command does its work, or ends with a sentence and its own exit code: the libraries below it would panic.
+#[test]
+fn a_limit_of_files_is_told() {
+    let place = Place::new(STATION);
+    let plan = functional_plan().to_string_lossy().into_owned();
+    place.write("values.csv", "t,x\n0,1\n1,2\n");
+    let commands: [&[&str]; 6] = [
+        &["--version"],
+        &["records", "list", "--records", "."],
+        &["plan", "check", &plan, "--sim"],
+        &["compute", "allan", "values.csv", "--column", "x"],
+        &["board", "check", "--sim", "--only", "hello"],
+        &["--auto", &plan, "--sim", "--sim-speed", "max", "--serial-number", "A"],
+    ];
+    // Three are the standard streams, and the loader of programs takes one.
+    for limit in 4..=24 {
+        for command in commands {
+            let mut limited = Command::new("prlimit");
+            limited.arg(format!("--nofile={limit}")).arg(STATION).args(command);
+            let limited = limited.current_dir(place.path()).env("LC_ALL", "C").stdin(Stdio::null());
+            let ended = limited.output().expect("prlimit");
+            let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+            let code = ended.status.code();
+            assert!(matches!(code, Some(0..=3)), "{command:?} with {limit} files: {code:?}: {said}");
+            assert!(!said.contains("panicked"), "{command:?} with {limit} files: {said}");
+            assert!(code == Some(0) || !said.trim().is_empty(), "{command:?} with {limit} files: {code:?}");
+            if command[0] == "--auto" {
+                assert!(code == Some(2) && said.contains("files that a run takes"), "{limit} files: {code:?}: {said}");
+                assert!(!place.path().join("records").exists());
+            }
+        }
+    }
+}
+
+/// Where the system has no thread left, `compute` does the work on the one that it has, with the same result.
+#[test]
+fn a_computation_needs_no_second_thread() {
+    let place = Place::new(STATION);
+    // More than a piece of the table, so that threads would take the next ones.
+    let rows: String = (0..250_000_u64).map(|row| format!("{}\n", row * row % 9973)).collect();
+    place.write("values.csv", &format!("x\n{rows}"));
+    let args = ["compute", "allan", "values.csv", "--column", "x", "--rate", "100", "--json"];
+    let with_threads = place.run(args);
+    check(&with_threads, 0, &[]);
+    let mut command = if Uid::effective().is_root() {
+        fs::set_permissions(place.path(), Permissions::from_mode(0o777)).expect("its folder");
+        let mut command = Command::new("setpriv");
+        command.args(["--reuid", ALONE, "--regid", ALONE, "--clear-groups", "prlimit"]);
+        command
+    } else {
+        Command::new("prlimit")
+    };
+    command.args(["--nproc=1", STATION]).args(args);
+    let alone = command.current_dir(place.path()).env("LC_ALL", "C").output().expect("setpriv and prlimit");
+    let said = String::from_utf8_lossy(&alone.stderr);
+    assert_eq!(alone.status.code(), Some(0), "{said}");
+    assert_eq!(String::from_utf8_lossy(&alone.stdout), with_threads.stdout);
+    assert!(!said.contains("panicked"), "{said}");
 }

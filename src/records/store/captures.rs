@@ -1,6 +1,8 @@
 //! Captures of a run, read back from its folder.
 
-use std::io::{self, Read as _};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::captured::{Digested, HeldBytes};
@@ -33,14 +35,35 @@ pub fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(raw.map(|file| folder.join(file)).collect())
 }
 
+/// The raw files that the digests of a run promise and that are not among its files, in the order of its items. What cannot be
+/// read promises nothing: `verify` says so.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn missing(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let Ok((promised, _)) = digest::FileDigests::read(folder) else { return Ok(Vec::new()) };
+    let there: BTreeSet<PathBuf> = digest::files_below(folder)?.into_iter().collect();
+    let is_raw = |file: &PathBuf| file.extension().is_some_and(|extension| extension == "mcap");
+    let gone = promised.into_map().into_keys().filter(|file| is_raw(file) && !there.contains(file));
+    Ok(gone.map(|file| folder.join(file)).collect())
+}
+
 /// Reads a raw file. One in the folder of a run must be of that run.
 ///
 /// # Errors
 /// [`CapturesError`].
 pub fn read(path: &Path) -> Result<RawRecord, CapturesError> {
+    read_watched(path, |_| Ok(()))
+}
+
+/// The same; `watch` learns of each piece how many bytes it has, and ends the reading by an error.
+///
+/// # Errors
+/// [`CapturesError`], with the error of `watch` too.
+pub fn read_watched(path: &Path, watch: impl FnMut(usize) -> io::Result<()>) -> Result<RawRecord, CapturesError> {
     let in_words = |source| CapturesError { path: path.to_owned(), source };
     let file = gnc_files::own(path).map_err(|error| in_words(error.into()))?;
-    let record = raw::read(file).map_err(in_words)?;
+    let record = raw::read(Watched { file, watch }).map_err(in_words)?;
     let holds_some = !record.captures.is_empty() || record.unfinished.is_some();
     match run_of(path).and_then(|run| not_of(run, record.origin.as_ref(), holds_some)) {
         None => Ok(record),
@@ -58,6 +81,20 @@ pub(crate) fn read_first(path: &Path, bytes: u64) -> io::Result<(Result<RawRecor
     // It may have stopped at the end of the record.
     io::copy(&mut source, &mut io::sink())?;
     Ok((record, source.held()))
+}
+
+/// A file whose reading is watched.
+struct Watched<F> {
+    file: File,
+    watch: F,
+}
+
+impl<F: FnMut(usize) -> io::Result<()>> Read for Watched<F> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let bytes = self.file.read(buffer)?;
+        (self.watch)(bytes)?;
+        Ok(bytes)
+    }
 }
 
 /// What is wrong with the raw files of a run, a sentence each: they are of another run.

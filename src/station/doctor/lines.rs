@@ -65,7 +65,14 @@ pub(super) fn look(bench: &BenchFile, sys: &Sys, proc: &Proc) -> Vec<Finding> {
         let what = "the board was not asked, since a HELLO would end the session of another program";
         findings.push(Finding::warning(what, "end the other program, or wait for it; then run doctor again"));
     }
-    let Ok(runtime) = tokio::runtime::Builder::new_current_thread().enable_all().build() else { return findings };
+    let runtime = match crate::threads::beside() {
+        Ok(runtime) => runtime,
+        Err(error) => {
+            let what = format!("the board was not asked: {error}");
+            findings.push(Finding::warning(what, "raise the limit of open files: `ulimit -n`; then run doctor again"));
+            return findings;
+        }
+    };
     findings.extend(runtime.block_on(boards(usable, !taken, proc)));
     runtime.shutdown_background();
     findings

@@ -1,13 +1,16 @@
 //! Tables as text.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
 use gnc_text::printable;
 
 use super::table::{PLACE, SampleTable, TEMPERATURES, TableKind};
 
-pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item = SampleTable<'a>>) -> io::Result<()> {
+pub(super) fn write<'a>(
+    file: impl Write,
+    kind: TableKind,
+    tables: impl Iterator<Item = SampleTable<'a>>,
+) -> io::Result<()> {
     let mut out = BufWriter::new(file);
     let columns: [&[&str]; 5] = [&PLACE, kind.counts(), kind.values(), kind.masks(), &TEMPERATURES];
     writeln!(out, "{}", columns.concat().join(","))?;

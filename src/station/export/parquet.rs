@@ -1,6 +1,6 @@
 //! Tables as Apache Parquet, column by column.
 
-use std::fs::File;
+use std::io::Write;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -18,7 +18,11 @@ use super::table::{PLACE, SampleTable, TEMPERATURES, TableKind};
 /// Rows of a group. A group is built in memory: some 50 MB.
 const GROUP: usize = 500_000;
 
-pub(super) fn write<'a>(file: File, kind: TableKind, tables: impl Iterator<Item = SampleTable<'a>>) -> Result<()> {
+pub(super) fn write<'a>(
+    file: impl Write + Send,
+    kind: TableKind,
+    tables: impl Iterator<Item = SampleTable<'a>>,
+) -> Result<()> {
     let schema = Arc::new(parse_message_type(&schema(kind))?);
     let properties = WriterProperties::builder().set_compression(Compression::SNAPPY);
     let properties = Arc::new(properties.set_key_value_metadata(Some(metadata(kind))).build());
@@ -71,8 +75,8 @@ fn schema(kind: TableKind) -> String {
     format!("message samples {{ {place}{} }}", samples.concat())
 }
 
-fn rows(
-    group: &mut SerializedRowGroupWriter<'_, File>,
+fn rows<W: Write + Send>(
+    group: &mut SerializedRowGroupWriter<'_, W>,
     kind: TableKind,
     table: &SampleTable<'_>,
     rows: Range<usize>,
@@ -81,29 +85,29 @@ fn rows(
     let text = |text: &str| vec![ByteArray::from(text); count];
     let whole = |of: &dyn Fn(usize) -> i64| rows.clone().map(of).collect::<Vec<i64>>();
     let real = |of: &dyn Fn(usize) -> f64| rows.clone().map(of).collect::<Vec<f64>>();
-    put::<ByteArrayType>(group, &text(table.label()))?;
-    put::<Int64Type>(group, &vec![i64::from(table.series()); count])?;
-    put::<ByteArrayType>(group, &text(&table.position))?;
-    put::<ByteArrayType>(group, &text(&table.run))?;
-    put::<Int64Type>(group, &whole(&|row| row as i64))?;
-    put::<DoubleType>(group, &real(&|row| table.at_us(row) as f64 / 1e6))?;
+    put::<ByteArrayType, W>(group, &text(table.label()))?;
+    put::<Int64Type, W>(group, &vec![i64::from(table.series()); count])?;
+    put::<ByteArrayType, W>(group, &text(&table.position))?;
+    put::<ByteArrayType, W>(group, &text(&table.run))?;
+    put::<Int64Type, W>(group, &whole(&|row| row as i64))?;
+    put::<DoubleType, W>(group, &real(&|row| table.at_us(row) as f64 / 1e6))?;
     for count in 0..kind.counts().len() {
-        put::<Int64Type>(group, &whole(&|row| table.count(row, count).into()))?;
+        put::<Int64Type, W>(group, &whole(&|row| table.count(row, count).into()))?;
     }
     for value in 0..kind.values().len() {
-        put::<DoubleType>(group, &real(&|row| table.value(row, value)))?;
+        put::<DoubleType, W>(group, &real(&|row| table.value(row, value)))?;
     }
     for _ in kind.masks() {
-        put::<Int64Type>(group, &whole(&|row| table.mask(row).into()))?;
+        put::<Int64Type, W>(group, &whole(&|row| table.mask(row).into()))?;
     }
     for sensor in 0..TEMPERATURES.len() {
-        put::<DoubleType>(group, &real(&|row| table.temperatures(row)[sensor]))?;
+        put::<DoubleType, W>(group, &real(&|row| table.temperatures(row)[sensor]))?;
     }
     Ok(())
 }
 
 /// Writes the next column of the group.
-fn put<T: DataType>(group: &mut SerializedRowGroupWriter<'_, File>, values: &[T::T]) -> Result<()> {
+fn put<T: DataType, W: Write + Send>(group: &mut SerializedRowGroupWriter<'_, W>, values: &[T::T]) -> Result<()> {
     let mut column =
         group.next_column()?.ok_or_else(|| ParquetError::General("more columns than the schema has".into()))?;
     column.typed::<T>().write_batch(values, None, None)?;

@@ -19,6 +19,7 @@ use gnc_text::{printable, shown_path};
 
 use super::place::RecordsPlace;
 use crate::args::ListArgs;
+use crate::progress::Progress;
 use crate::refusal::refuse;
 use crate::wording::Lines;
 use table::Line;
@@ -114,6 +115,7 @@ impl PlanTexts {
 /// Lists runs in the order in which they were closed.
 pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
     let records = &place.path;
+    let progress = Progress::begin("runs are read for the list");
     let runs = match reader::wanted(records, args.wanted()) {
         Ok(runs) => runs,
         Err(error) => return refuse(gnc_text::with_causes(&error), error.try_this()),
@@ -128,6 +130,7 @@ pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
     } else {
         for_people(Lines::new(out), place, args, runs)
     };
+    drop(progress);
     match written {
         Ok(()) => ExitCode::SUCCESS,
         // The reader has seen enough.

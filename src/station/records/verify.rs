@@ -9,6 +9,7 @@ use gnc_records::store::reader::{self, ReadError, Verified};
 use gnc_text::printable;
 
 use super::{RecordsArgs, no_such, resolve_in, store_refusal};
+use crate::progress::Progress;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::wording::Lines;
 
@@ -79,6 +80,7 @@ impl Books {
 
 fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Result<ExitCode, CommandRefusal> {
     let mut out = Lines::to_stdout();
+    let progress = Progress::begin("runs are compared with what was written");
     let all = if runs.is_empty() { Some(records.find()?) } else { None };
     let folders = match &all {
         Some(place) => reader::paths(&place.path).map_err(|error| store_refusal(&error))?,
@@ -108,7 +110,9 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         }
         None => None,
     };
+    progress.total(folders.len());
     for folder in &folders {
+        progress.step(1);
         let mut found = reader::check(folder);
         let place = gnc_text::shown_path(folder);
         if let Some(what) = against_the_chain(folder, &found, &mut books) {
@@ -182,6 +186,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         bad += usize::from(!whole);
         newer += usize::from(whole && found.newer.is_some());
     }
+    drop(progress);
     let ended = folders.len() - running - never_begun;
     let whole = ended - bad - newer - incomplete;
     out.say(format_args!("{whole} of {ended} runs are as written"));

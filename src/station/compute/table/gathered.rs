@@ -20,7 +20,19 @@ pub(super) struct Gathered {
     pub(super) rows: usize,
 }
 
+/// What the place of a cell without a value takes, in values.
+const OF_MISSING: usize = 2;
+/// What the beginning of a capture takes with its name, in values.
+const OF_CAPTURE: usize = 8;
+
 impl Gathered {
+    /// The memory that rows of so many columns take so far, in values. A row may begin a capture, or lack all of its values.
+    pub(super) fn values(&self, columns: usize) -> usize {
+        let of_missing = self.missing.len().saturating_mul(OF_MISSING);
+        let of_captures = (self.captures.len() + self.others.len()).saturating_mul(OF_CAPTURE);
+        self.rows.saturating_mul(columns).saturating_add(of_missing).saturating_add(of_captures)
+    }
+
     /// Blocks of rows with one label, one capture, and one value of the column that starts time anew.
     pub(super) fn blocks(&self, anew: Option<usize>) -> Vec<Range<usize>> {
         let changes = (1..self.labels.len()).filter(|&i| self.labels[i] != self.labels[i - 1]);

@@ -11,7 +11,7 @@ use super::columns::{ColumnPlan, Columns, Wanted};
 use super::names::Header;
 use super::number::{Decimal, Form};
 use super::sheet::{self, Cells};
-use super::{MOST_VALUES, ReadingOptions, TableError};
+use super::{MOST_VALUES, ReadingOptions, TableError, tell_size};
 
 /// Longest header: numpy itself refuses longer ones.
 const LONGEST_HEADER: usize = 10_000;
@@ -96,6 +96,7 @@ impl Array {
         if self.rows.saturating_mul(self.fields.len()) > MOST_VALUES {
             return Err(TableError::TooLarge { path: self.path.clone(), limit: MOST_VALUES });
         }
+        tell_size(&self.path, self.rows.saturating_mul(self.fields.len()), &mut false);
         let mut understood = std::mem::take(&mut self.understood);
         understood.push("numpy array".to_owned());
         let by_name = wanted.numbers.iter().all(|name| matches!(self.header.find(name), Ok(Some(_))));

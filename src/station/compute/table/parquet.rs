@@ -15,7 +15,7 @@ use super::names::Header;
 use super::number::{Decimal, Form};
 use super::sheet::{self, Cells};
 use super::source::{FREE_UNPACKED, MOST_UNPACKED};
-use super::{MOST_VALUES, ReadingOptions, TableError};
+use super::{MOST_VALUES, ReadingOptions, TableError, tell_size};
 
 /// Records that are read at once.
 const BATCH: usize = 1 << 16;
@@ -75,6 +75,7 @@ impl Sheet {
         if rows.saturating_mul(plan.roles.len()) > MOST_VALUES {
             return Err(TableError::TooLarge { path: self.path.clone(), limit: MOST_VALUES });
         }
+        tell_size(&self.path, rows.saturating_mul(plan.roles.len()), &mut false);
         // A column of one value takes a few bytes in the file, however many rows it has.
         let most_bytes = usize::try_from(Self::most_unpacked(self.file_bytes)).unwrap_or(usize::MAX);
         let most_rows = most_bytes / size_of::<f64>() / plan.roles.len().max(1);

@@ -13,7 +13,7 @@ use super::gathered::Gathered;
 use super::pieces::Pieces;
 use super::preamble::{self, Preamble};
 use super::rows::{Fault, Parsed, ParsedRows};
-use super::{MOST_VALUES, ReadingOptions, TableError};
+use super::{MOST_VALUES, ReadingOptions, TableError, tell_size};
 
 /// Largest number of threads that parse. With more, the thread that reads and gathers is the limit.
 const MOST_THREADS: usize = 4;
@@ -79,12 +79,14 @@ impl Text {
         let mut gathered = Gathered { numbers, ..Gathered::default() };
         let mut lines = preamble.lines;
         let mut fault = None;
+        let mut told = false;
         let mut take = |parsed: &Parsed| {
             gathered.add(&parsed.found, lines);
             fault = parsed.fault.as_ref().map(|fault| fault.after(lines));
             lines += parsed.lines;
-            let full = gathered.rows.saturating_mul(roles.len()) > MOST_VALUES;
-            if full {
+            let values = gathered.values(roles.len());
+            tell_size(&path, values, &mut told);
+            if values > MOST_VALUES {
                 Err(TableError::TooLarge { path: path.clone(), limit: MOST_VALUES })
             } else {
                 Ok(fault.is_none())
@@ -111,7 +113,7 @@ fn place(fault: Fault, path: &Path, header: &[String], allowed: &[&str]) -> Tabl
 }
 
 /// Reads pieces, gives them to threads in turn, and takes the results in the order of the file, until `take` has
-/// enough.
+/// enough. Without any thread it parses them itself.
 fn in_parallel(
     pieces: &mut Pieces,
     rows: &ParsedRows,
@@ -119,26 +121,34 @@ fn in_parallel(
 ) -> Result<(), TableError> {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
     thread::scope(|scope| {
-        let lanes: Vec<_> = (0..threads)
-            .map(|_| {
-                // One piece in work and one result for each thread, so that memory is bounded.
-                let (work, pieces) = sync_channel::<Vec<u8>>(1);
-                let (done, results) = sync_channel(1);
-                scope.spawn(move || {
-                    for piece in pieces {
-                        let parsed = rows.parse(&piece);
-                        if done.send((parsed, piece)).is_err() {
-                            return;
-                        }
+        let lane = |_| {
+            // One piece in work and one result for each thread, so that memory is bounded.
+            let (work, pieces) = sync_channel::<Vec<u8>>(1);
+            let (done, results) = sync_channel(1);
+            let spawned = thread::Builder::new().spawn_scoped(scope, move || {
+                for piece in pieces {
+                    let parsed = rows.parse(&piece);
+                    if done.send((parsed, piece)).is_err() {
+                        return;
                     }
-                });
-                (work, results)
-            })
-            .collect();
+                }
+            });
+            spawned.ok().map(|_| (work, results))
+        };
+        // The system may have no more threads for this user.
+        let lanes: Vec<_> = (0..threads).map_while(lane).collect();
+        let threads = lanes.len();
         // Only a thread that panicked closes its lane, and the scope passes that panic on.
         let mut given = 0;
         let mut spare = Vec::new();
         while let Some(piece) = pieces.next(spare)? {
+            if threads == 0 {
+                if !take(&rows.parse(&piece))? {
+                    return Ok(());
+                }
+                spare = piece;
+                continue;
+            }
             let (work, results) = &lanes[given % threads];
             spare = Vec::new();
             if given >= threads
