@@ -4,6 +4,7 @@
 
 mod build;
 mod clock;
+mod files;
 mod guard;
 mod help_files;
 mod junit;
