@@ -9,7 +9,7 @@
 //! plan = "plans/functional.toml"     # optional: the plan with which the screen opens, relative to this file
 //!
 //! [plans]                            # optional: the plans of this bench and no others, by the digests of their texts
-//! acceptance = "sha256:0123..."      # `gnc-station plan check` prints the line
+//! acceptance = "sha256:0123..."      # `gnc-station plan check --sim` prints the line
 //!
 //! [operator]                         # optional
 //! required = true                    # no run begins without a name

@@ -88,6 +88,7 @@ use crate::quantity::Unit;
 use crate::serial_number::SerialNumberPattern;
 use crate::uncertainty::Decision;
 
+pub use closure::UnreadInclude;
 pub use params::{ParamError, ParamValue, Params};
 pub use question::{AnswerError, DONE, Question, QuestionKind, QuestionWords, YES};
 pub use resume::ResumeRules;
@@ -251,12 +252,12 @@ impl Plan {
     ///
     /// # Errors
     /// All mistakes of meaning in all files; or the first syntax error alone.
-    pub fn read(
+    pub fn read<E: Into<UnreadInclude>>(
         name: &str,
         bytes: Vec<u8>,
-        load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+        load: &mut dyn FnMut(&str) -> Result<Vec<u8>, E>,
     ) -> Result<Plan, Mistakes> {
-        closure::read(name, bytes, load)
+        closure::read(name, bytes, &mut |include| load(include).map_err(Into::into))
     }
 
     /// The items in the order of running: setup, tests, teardown. Within each phase the items of includes come first.

@@ -27,6 +27,9 @@ pub enum Refused {
     /// The file, or a folder on the way to it, is a link, which may lead anywhere.
     #[error("it is a link, or lies behind one")]
     Link,
+    /// The file, or a folder on the way to it, is a link that leads back to itself.
+    #[error("it is a link that leads in a circle")]
+    Circle,
     /// The path leaves the folder below which it must stay.
     #[error("its path leads out of its folder")]
     Outside,
@@ -43,7 +46,9 @@ impl Refused {
         match self {
             Self::Folder => io::ErrorKind::IsADirectory,
             Self::TooLong { .. } => io::ErrorKind::FileTooLarge,
-            Self::Pipe | Self::Device | Self::Socket | Self::Link | Self::Outside => io::ErrorKind::InvalidInput,
+            Self::Pipe | Self::Device | Self::Socket | Self::Link | Self::Circle | Self::Outside => {
+                io::ErrorKind::InvalidInput
+            }
         }
     }
 }
@@ -74,8 +79,13 @@ pub fn open(path: &Path) -> io::Result<File> {
     // A socket cannot be opened at all.
     regular(opened.map_err(|error| match path.metadata() {
         Ok(meta) if meta.file_type().is_socket() => Refused::Socket.into(),
-        _ => error,
+        _ => in_circle(error),
     })?)
+}
+
+/// The error of the system, or that a link leads in a circle: the system counts the links and gives up.
+fn in_circle(error: io::Error) -> io::Error {
+    if error.raw_os_error() == Some(nix::errno::Errno::ELOOP as i32) { Refused::Circle.into() } else { error }
 }
 
 /// Whether a file could not be opened because another computer or program has it on loan (a lease): a file server asks for it back
@@ -144,7 +154,7 @@ pub fn named(folder: &Path, path: &Path, reach: Reach) -> io::Result<File> {
         return open(path);
     }
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let (root, real) = (here.canonicalize()?, path.canonicalize()?);
+    let (root, real) = (here.canonicalize().map_err(in_circle)?, path.canonicalize().map_err(in_circle)?);
     match real.strip_prefix(&root) {
         // A folder on the way may have become a link since; it is not followed.
         Ok(inside) => below(&root, inside),
@@ -232,7 +242,10 @@ pub fn read_beginning(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
 /// As [`read`]; the text is not UTF-8.
 pub fn text(path: &Path, limit: u64) -> io::Result<String> {
     let bytes = read(path, limit)?;
-    String::from_utf8(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
+    String::from_utf8(bytes).map_err(|error| {
+        let byte = error.as_bytes().get(error.utf8_error().valid_up_to()).copied().unwrap_or_default();
+        io::Error::new(io::ErrorKind::InvalidData, format!("byte 0x{byte:02x} is not UTF-8"))
+    })
 }
 
 /// Reads the rest of an open file, at most `limit` bytes.

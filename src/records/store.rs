@@ -102,9 +102,14 @@ impl StoreError {
             Self::MayStand(error) => return error.try_this(),
             _ => return "look at the first error of the record; if there is none, report this",
         };
+        if gnc_files::is_refused(source).is_some() {
+            return "a station did not put that there: move it away, and bring the file back from a backup";
+        }
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "make room on the disk and run again",
-            io::ErrorKind::PermissionDenied => "make the folder writable for this user, or choose one with --records",
+            io::ErrorKind::PermissionDenied => {
+                "make it readable and writable for this user, or choose another folder with --records"
+            }
             io::ErrorKind::ReadOnlyFilesystem => "mount the disk writable, or choose another folder with --records",
             io::ErrorKind::NotFound => "check the path, or choose another folder with --records",
             io::ErrorKind::ResourceBusy => "end the program that holds the records folder, or wait until it is done",

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use gnc_analysis::motion;
-use gnc_executive::bench::{PinError, PinnedPlans};
+use gnc_executive::bench::PinnedPlans;
 use gnc_executive::job::{BenchAbilities, Job};
 use gnc_executive::limit::Limit;
 use gnc_executive::part::PartName;
@@ -42,16 +42,12 @@ fn check(
     let mut wrong = 0;
     for path in plans {
         match about(path, reach, bench, part) {
-            Ok((said, pinned)) => {
+            Ok(said) => {
                 for (name, sentence) in said {
                     match name {
                         Some(name) => out.say_sentence_of(&name, &sentence),
                         None => out.say_sentences(sentence),
                     }
-                }
-                if let Err(error) = pinned {
-                    wrong += 1;
-                    refused(&CommandRefusal::new(&error, error.try_this()), out);
                 }
             }
             Err(refusal) => {
@@ -79,16 +75,20 @@ struct CheckedAgainst {
 /// What is said, and of what: a name is no sentence, whatever it reads like.
 type Said = (Option<String>, String);
 
-/// What is to be said of a plan without mistakes, and whether the bench runs it as far as it pins its plans.
+/// What is to be said of a plan without mistakes that the bench runs.
 fn about(
     path: &Path,
     reach: Reach,
     bench: Option<&CheckedAgainst>,
     part: Option<&PartName>,
-) -> Result<(Vec<Said>, Result<(), PinError>), CommandRefusal> {
+) -> Result<Vec<Said>, CommandRefusal> {
     let plan = files::plan(path, reach)?;
     let info = plan.info();
     let plan = plan.plan();
+    if let Some(bench) = bench {
+        let pinned = bench.plans.check(plan, &info.sha256);
+        pinned.map_err(|error| CommandRefusal::new(&error, error.try_this()))?;
+    }
     let limits = part.map(|part| limits(plan, part)).transpose()?;
     let remark = match bench {
         Some(bench) => {
@@ -98,8 +98,11 @@ fn about(
         None => ", not checked against a bench",
     };
     let path = printable(&gnc_text::shown_path(path)).into_owned();
-    let mut said = vec![(Some(path), format!("{} items, no mistake{remark}", plan.items().len()))];
-    let pinned = bench.map_or(Ok(()), |bench| bench.plans.check(plan, &info.sha256));
+    let good = match plan.items().len() {
+        1 => format!("1 item, no mistake{remark}"),
+        items => format!("{items} items, no mistake{remark}"),
+    };
+    let mut said = vec![(Some(path), good)];
     let is_pinned = bench.is_some_and(|bench| bench.plans.of(&info.name) == Some(info.sha256.as_str()));
     let line = PinnedPlans::line(&info.name, &info.sha256);
     said.push(match is_pinned {
@@ -108,7 +111,7 @@ fn about(
     });
     said.extend(bench_time(plan));
     said.extend(limits.map(|limits| (None, limits)));
-    Ok((said, pinned))
+    Ok(said)
 }
 
 /// The limits by which a plan judges a module, each with the plan's own limit in its place if that is another.
@@ -165,7 +168,7 @@ fn the_bench(bench: Option<&Path>, sim: bool) -> Result<Option<CheckedAgainst>, 
         return Ok(Some(CheckedAgainst { abilities: setup::SIMULATED, plans: PinnedPlans::default() }));
     }
     let here = Path::new(setup::BENCH_FILE);
-    match bench.or_else(|| here.exists().then_some(here)) {
+    match bench.or_else(|| files::is_there(here).then_some(here)) {
         // Assume that an operator is there when the plan is run; `--auto` without a terminal checks again.
         Some(path) => {
             let file = files::bench(path)?;

@@ -4,6 +4,7 @@
 mod board;
 mod bus;
 mod holders;
+mod key;
 mod lines;
 mod place;
 mod port;
@@ -20,6 +21,7 @@ use gnc_text::printable;
 use holders::Proc;
 
 use crate::files;
+use crate::hook::HookProgram;
 use crate::locale::Lang;
 use crate::phrases::in_language;
 use crate::refusal::CommandRefusal;
@@ -139,7 +141,10 @@ pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys, proc
     let bench = bench_file(&path, named.is_some(), &mut findings);
     if let Some(bench) = &bench {
         socket(bench, &mut findings);
-        findings.extend(plans(bench, path.parent().unwrap_or_else(|| Path::new(""))));
+        let folder = path.parent().unwrap_or_else(|| Path::new(""));
+        findings.extend(plans(bench, folder));
+        findings.extend(key::look(bench, folder));
+        findings.extend(hook(bench, folder));
         findings.extend(lines::look(bench, sys, proc));
         findings.extend(bench.scanner.iter().flat_map(|scanner| scanner::look(scanner, proc)));
     }
@@ -155,7 +160,7 @@ pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys, proc
 }
 
 fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<BenchFile> {
-    if !named && !path.exists() {
+    if !named && !files::is_there(path) {
         let what = format!(
             "there is no bench file {}, so only simulated modules (--sim) can be tested",
             gnc_text::shown_path(path)
@@ -191,6 +196,12 @@ fn plans(bench: &BenchFile, folder: &Path) -> Vec<Finding> {
         }
         _ => vec![Finding::good(format!("the bench file pins its plans: {}", bench.plans.len()))],
     }
+}
+
+/// Whether the program can be started that is told each verdict. Modules can be tested without it.
+fn hook(bench: &BenchFile, folder: &Path) -> Option<Finding> {
+    let program = HookProgram::new(bench.verdict.hook.as_ref()?, Some(folder))?;
+    program.doubt().map(|(what, mend)| Finding::warning(what, mend))
 }
 
 /// A finding for each mistake of a file: its place, what is wrong, and what the message advises. The line of the file that the

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use gnc_bench::service::CheckedPlan;
 use gnc_config::Mistakes;
 use gnc_executive::bench::{BenchFile, MAX_BENCH_BYTES};
-use gnc_executive::plan::{MAX_PLAN_BYTES, Plan, PlanItem};
+use gnc_executive::plan::{MAX_PLAN_BYTES, Plan, PlanItem, UnreadInclude};
 use gnc_files::{Reach, Refused, is_refused};
 use gnc_records::store::digest;
 use gnc_text::quoted;
@@ -18,6 +18,8 @@ use crate::refusal::CommandRefusal;
 const MAX_PICTURE_BYTES: usize = 16 << 20;
 /// What is said of a file outside of the plan's folder. The hint of its place stands elsewhere.
 const OUTSIDE: &str = "it lies outside of the plan's folder, and only --allow-outside allows that";
+/// What can be tried with it.
+const BESIDE: &str = "put it beside the plan; or allow files of other folders with --allow-outside";
 
 /// Reads and checks a plan with all that it includes, and with its pictures, whose digests it notes.
 pub(crate) fn plan(path: &Path, reach: Reach) -> Result<CheckedPlan, CommandRefusal> {
@@ -45,7 +47,11 @@ fn checked(
     let bytes = read(path, MAX_PLAN_BYTES).map_err(|error| cannot_read("plan", path, &error))?;
     let mut load = |name: &str| {
         let read = gnc_files::named_beginning(folder_of(path), Path::new(name), reach, one_more(MAX_PLAN_BYTES));
-        read.map_err(|error| if is_outside(&error) { OUTSIDE.to_owned() } else { error.to_string() })
+        read.map_err(|error| match (is_refused(&error), error.kind()) {
+            (Some(Refused::Outside), _) => UnreadInclude { why: OUTSIDE.to_owned(), try_this: Some(BESIDE) },
+            (None, io::ErrorKind::NotFound) => error.to_string().into(),
+            _ => UnreadInclude { why: error.to_string(), try_this: Some(how_to_read(&error)) },
+        })
     };
     let plan = Plan::read(&path.to_string_lossy(), bytes, &mut load);
     plan.and_then(look).and_then(CheckedPlan::new).map_err(|mistakes| CommandRefusal::new(mistakes, ""))
@@ -54,10 +60,6 @@ fn checked(
 /// The folder in which the files lie that a plan names: that of the plan with which a person began.
 fn folder_of(plan: &Path) -> &Path {
     plan.parent().unwrap_or_else(|| Path::new(""))
-}
-
-fn is_outside(error: &io::Error) -> bool {
-    is_refused(error) == Some(Refused::Outside)
 }
 
 /// The paths of the pictures that a plan shows.
@@ -85,18 +87,16 @@ fn picture_mistakes(
                 format!("the question {name} shows {path}, and there is no such file"),
                 "the path is relative to the plan's file",
             ),
-            PictureFileError::Outside => (
-                format!("the question {name} shows {path}, which lies outside of the plan's folder"),
-                "put it beside the plan; or allow files of other folders with --allow-outside",
-            ),
+            PictureFileError::Outside => {
+                (format!("the question {name} shows {path}, which lies outside of the plan's folder"), BESIDE)
+            }
             PictureFileError::TooLarge => (
                 format!("the question {name} shows {path}, which has more than {} MiB", MAX_PICTURE_BYTES >> 20),
                 "save the picture with fewer pixels",
             ),
-            PictureFileError::Unreadable(error) => (
-                format!("the question {name} shows {path}, which cannot be read: {error}"),
-                "make it readable for this user",
-            ),
+            PictureFileError::Unreadable(error) => {
+                (format!("the question {name} shows {path}, which cannot be read: {error}"), how_to_read(error))
+            }
         })
     });
     mistakes.collect()
@@ -105,7 +105,7 @@ fn picture_mistakes(
 /// Why a picture is not read.
 #[derive(Debug)]
 pub(crate) enum PictureFileError {
-    /// There is no file, or it is a folder, a pipe or a device.
+    /// There is no file.
     Missing,
     /// It lies outside of the plan's folder.
     Outside,
@@ -126,7 +126,7 @@ fn named_picture(plan: &Path, path: &str, reach: Reach) -> Result<Vec<u8>, Pictu
 fn whole_picture(read: io::Result<Vec<u8>>) -> Result<Vec<u8>, PictureFileError> {
     let bytes = read.map_err(|error| match (is_refused(&error), error.kind()) {
         (Some(Refused::Outside), _) => PictureFileError::Outside,
-        (Some(_), _) | (None, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => PictureFileError::Missing,
+        (None, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => PictureFileError::Missing,
         _ => PictureFileError::Unreadable(error),
     })?;
     if bytes.len() > MAX_PICTURE_BYTES { Err(PictureFileError::TooLarge) } else { Ok(bytes) }
@@ -207,14 +207,31 @@ fn one_more(limit: usize) -> u64 {
 }
 
 fn cannot_read(what: &str, path: &Path, error: &io::Error) -> CommandRefusal {
-    let try_this = match error.kind() {
-        io::ErrorKind::NotFound => "check the path; it starts at the current folder",
-        io::ErrorKind::IsADirectory => "name the file in that folder",
-        io::ErrorKind::PermissionDenied => "make it readable for this user",
-        _ if is_refused(error).is_some() => "name a file; what a program writes, save as a file first",
-        _ => "check the disk",
+    let try_this = match (is_refused(error), error.kind()) {
+        (None, io::ErrorKind::NotFound) => "check the path; it starts at the current folder",
+        _ => how_to_read(error),
     };
     CommandRefusal::new(format!("cannot read the {what} {}: {error}", gnc_text::shown_path(path)), try_this)
+}
+
+/// Whether a file has this name in this folder. A link that leads nowhere is no missing file: a person has put it there.
+pub(crate) fn is_there(path: &Path) -> bool {
+    path.symlink_metadata().is_ok()
+}
+
+/// What can be tried with a file that was found and cannot be read.
+pub(crate) fn how_to_read(error: &io::Error) -> &'static str {
+    match (is_refused(error), error.kind()) {
+        (Some(Refused::Folder), _) => "name the file in that folder",
+        (Some(Refused::Link | Refused::Circle), _) => "name the file itself and not the link",
+        (Some(_), _) => "name a file; what a program writes, save as a file first",
+        (None, io::ErrorKind::PermissionDenied) => "make it readable for this user",
+        (None, io::ErrorKind::InvalidData) => "save the file with the encoding UTF-8",
+        (None, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory | io::ErrorKind::InvalidFilename) => {
+            "check the path"
+        }
+        (None, _) => "check the disk",
+    }
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ use gnc_executive::verdict::Verdict;
 use gnc_records::store::reader;
 use gnc_text::{printable, quoted};
 use nix::sys::signal::{Signal, killpg};
-use nix::unistd::Pid;
+use nix::unistd::{AccessFlags, Pid, access};
 use serde::Serialize;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::process::{Child, Command};
@@ -42,6 +42,9 @@ const END_WAITS: Duration = Duration::from_secs(10);
 const KILL_WAITS: Duration = Duration::from_secs(1);
 /// Time for the last words of a program that has ended.
 const LAST_WORDS: Duration = Duration::from_millis(100);
+
+/// What can be tried with a program that does not start.
+const NO_START: &str = "check the path in `hook` of the bench file, and make the program executable with `chmod +x`";
 
 /// A program that is told each verdict, ready to be started.
 #[derive(Debug, Clone)]
@@ -64,6 +67,22 @@ impl HookProgram {
         let program = if first.contains('/') { std::path::absolute(&program).unwrap_or(program) } else { program };
         let limit = Duration::try_from_secs_f64(hook.limit_s).ok()?;
         Some(Self { program, arguments: arguments.to_vec(), folder: folder.to_owned(), limit })
+    }
+
+    /// Why the program cannot be started, as far as its file shows, and what can be tried. A name without a slash is looked for as
+    /// the system does, in the folders of `PATH`.
+    pub(crate) fn doubt(&self) -> Option<(String, &'static str)> {
+        let is_path = self.program.components().count() > 1;
+        let folders = std::env::var_os("PATH").unwrap_or_default();
+        let in_path =
+            || std::env::split_paths(&folders).map(|folder| folder.join(&self.program)).find(|at| at.is_file());
+        let at = if is_path { None } else { in_path() }.unwrap_or_else(|| self.program.clone());
+        let why = match at.metadata() {
+            Err(error) => error.to_string(),
+            Ok(meta) if !meta.is_file() => "it is no program".to_owned(),
+            Ok(_) => io::Error::from(access(&at, AccessFlags::X_OK).err()?).to_string(),
+        };
+        Some((format!("{} cannot be started: {why}", self.name()), NO_START))
     }
 
     /// "the hook ./light.sh", for messages.

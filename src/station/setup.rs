@@ -222,7 +222,7 @@ fn without_simulation() -> CommandRefusal {
 fn bench_path(named: Option<&Path>) -> Result<PathBuf, CommandRefusal> {
     match named {
         Some(path) => Ok(path.to_owned()),
-        None if Path::new(BENCH_FILE).exists() => Ok(BENCH_FILE.into()),
+        None if files::is_there(Path::new(BENCH_FILE)) => Ok(BENCH_FILE.into()),
         None => {
             let what = format!("no bench file is named, and there is no {BENCH_FILE} in this folder");
             Err(CommandRefusal::new(what, "name a bench file with --bench FILE, or test a simulated module with --sim"))

@@ -5,6 +5,7 @@
 mod build;
 mod clock;
 mod export;
+mod files;
 mod guard;
 mod help_files;
 mod junit;

@@ -286,7 +286,10 @@ fn a_bench_runs_the_plans_that_it_pins() {
         assert_eq!(place.runs().len(), runs, "a run was begun: {}", run.stdout);
         let checked = check(plan);
         assert!(checked.code == Some(2) && checked.stdout.contains(why), "{}{}", checked.stdout, checked.stderr);
-        assert!(checked.stdout.contains("to pin it under [plans] of a bench file"), "{}", checked.stdout);
+        // A line to paste would undo the refusal; who releases the text asks without the bench file.
+        assert!(!checked.stdout.contains("sha256:"), "{}", checked.stdout);
+        let released = place.run(["plan", "check", "--sim", plan]).stdout;
+        assert!(released.contains("to pin it under [plans] of a bench file"), "{released}");
     };
     refused("other.toml", "plan other is none of them");
     // A pass of a plan that is not pinned may come from any text.

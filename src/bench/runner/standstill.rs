@@ -11,10 +11,11 @@ const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// A station that was not here for so long has missed heartbeats of the board, whose watchdog ends the session after two seconds
 /// without one. A busy computer is late by less.
 const STOOD: Duration = Duration::from_secs(1);
-/// Most of that time in which the program may have computed: then it was busy, and not still.
+/// Part of that time by which the thread was busy, and not still, if it computed for more.
 const BUSY_SHARE: u32 = 10;
 
-/// The clocks at a moment: one that goes on while the computer sleeps, and the time that this process has computed.
+/// The clocks at a moment: one that goes on while the computer sleeps, and the time that this thread has computed. The other
+/// threads do not count: what they computed just before a stop would hide it.
 #[derive(Debug, Clone, Copy)]
 struct Moment {
     now: Duration,
@@ -25,13 +26,14 @@ impl Moment {
     /// `None` if the system has no such clock.
     fn read() -> Option<Self> {
         let read = |clock| clock_gettime(clock).ok().map(Duration::from);
-        Some(Self { now: read(ClockId::CLOCK_BOOTTIME)?, computed: read(ClockId::CLOCK_PROCESS_CPUTIME_ID)? })
+        Some(Self { now: read(ClockId::CLOCK_BOOTTIME)?, computed: read(ClockId::CLOCK_THREAD_CPUTIME_ID)? })
     }
 
     /// How long the program stood still between this moment and a later one.
     fn stood_until(self, later: Self) -> Option<Duration> {
         let (span, computed) = (later.now.saturating_sub(self.now), later.computed.saturating_sub(self.computed));
-        (span >= STOOD && computed * BUSY_SHARE < span).then_some(span)
+        // Up to the moment at which it wanted to look again it may have computed all the time.
+        (span >= STOOD && computed < LOOK_EVERY + span / BUSY_SHARE).then_some(span)
     }
 }
 
@@ -75,8 +77,26 @@ mod tests {
         let stood = |now: u64, computed: u64| at(1000, 500).stood_until(at(1000 + now, 500 + computed));
         assert_eq!(stood(5000, 1), Some(Duration::from_secs(5)));
         assert_eq!(stood(1000, 99), Some(Duration::from_secs(1)));
+        assert_eq!(stood(1250, 250), Some(Duration::from_millis(1250)), "it computed until it was stopped for 1 s");
+        assert_eq!(stood(1000, 1000), None, "it computed all the time");
         assert_eq!(stood(999, 0), None, "late, as on a busy computer");
-        assert_eq!(stood(5000, 600), None, "it computed");
+        assert_eq!(stood(5000, 800), None, "it computed");
+    }
+
+    /// What other threads compute just before a stop does not hide it: they are not looked at.
+    #[test]
+    fn other_threads_do_not_count() {
+        let (before, mut sum) = (Moment::read().expect("clocks"), 0_u64);
+        let busy = std::thread::spawn(move || {
+            let until =
+                clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map(Duration::from).expect("a clock") + LOOK_EVERY;
+            while clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).map(Duration::from).expect("a clock") < until {
+                sum = sum.wrapping_add(1);
+            }
+        });
+        busy.join().expect("its end");
+        let after = Moment::read().expect("clocks");
+        assert!(after.computed - before.computed < LOOK_EVERY, "{before:?} {after:?}");
     }
 
     #[test]

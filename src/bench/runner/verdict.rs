@@ -66,7 +66,7 @@ pub(super) fn judge(
                 stood.as_secs_f64(),
                 with_causes(trouble)
             ),
-            "keep the computer awake, and do not hold the program; then test again",
+            "keep the computer awake, do not hold the program, and end other programs that need the whole computer; then test again",
         ),
         None => (with_causes(trouble), trouble.try_this()),
     };

@@ -66,13 +66,13 @@ impl PinError {
     pub fn try_this(&self) -> &'static str {
         match self {
             Self::Changed { .. } => {
-                "bring back the plan as it was released; if the new text is released, `gnc-station plan check` prints the line for [plans]"
+                "bring back the plan as it was released; if the new text is released, `gnc-station plan check --sim` prints the line for [plans]"
             }
             Self::NotPinned { .. } => {
-                "run a plan of this bench; if this one is released, `gnc-station plan check` prints the line for [plans]"
+                "run a plan of this bench; if this one is released, `gnc-station plan check --sim` prints the line for [plans]"
             }
             Self::RequiredNotPinned { .. } => {
-                "pin the required plan too: `gnc-station plan check` prints its line for [plans]"
+                "pin the required plan too: `gnc-station plan check --sim` prints its line for [plans]"
             }
         }
     }
@@ -166,7 +166,7 @@ pub(super) fn plans(root: &TomlTable<'_, '_>) -> PinnedPlans {
         } else {
             entry.mistake(
                 format!("{} is no digest of a plan", quoted(text)),
-                "`gnc-station plan check` prints the line: sha256: and 64 hexadecimal digits in small letters",
+                "`gnc-station plan check --sim` prints the line: sha256: and 64 hexadecimal digits in small letters",
             );
         }
     }

@@ -21,9 +21,27 @@ use crate::serial_number::{self, SerialNumberPattern};
 /// Bytes of a path: the limit of most systems.
 const PATH_BYTES: usize = 4096;
 
+/// What can be tried if an include is not there.
+const NO_SUCH_FILE: &str = "the path is relative to the file that includes it";
+
+/// Why an include cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnreadInclude {
+    /// The cause.
+    pub why: String,
+    /// What can be tried; `None` if the file is not there.
+    pub try_this: Option<&'static str>,
+}
+
+impl From<String> for UnreadInclude {
+    fn from(why: String) -> Self {
+        Self { why, try_this: None }
+    }
+}
+
 /// The state of reading a plan with its includes.
 struct Reader<'l> {
-    load: &'l mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+    load: &'l mut dyn FnMut(&str) -> Result<Vec<u8>, UnreadInclude>,
     sources: Vec<SourceText>,
     items: Vec<RawItem>,
     parts: Vec<RawTable>,
@@ -50,7 +68,7 @@ struct Head {
 pub(super) fn read(
     name: &str,
     bytes: Vec<u8>,
-    load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+    load: &mut dyn FnMut(&str) -> Result<Vec<u8>, UnreadInclude>,
 ) -> Result<Plan, Mistakes> {
     let source = SourceText::new(name, bytes, MAX_PLAN_BYTES)?;
     let sources = vec![source];
@@ -176,10 +194,10 @@ impl Reader<'_> {
         }
         let bytes = match (self.load)(&name) {
             Ok(bytes) => bytes,
-            Err(error) => {
-                let what = format!("{} cannot be read: {}", quoted(&name), printable(&error));
+            Err(UnreadInclude { why, try_this }) => {
+                let what = format!("{} cannot be read: {}", quoted(&name), printable(&why));
                 self.unreadable = true;
-                self.mistakes.add(|| refused(what, "the path is relative to the file that includes it"));
+                self.mistakes.add(|| refused(what, try_this.unwrap_or(NO_SUCH_FILE)));
                 return Ok(());
             }
         };

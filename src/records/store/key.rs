@@ -14,6 +14,8 @@ use std::path::{Path, PathBuf};
 
 use ed25519_dalek::{Signature, Signer as _, SigningKey, VerifyingKey};
 
+use super::digest;
+
 /// The bytes before the 32 bytes of a private key: PKCS #8 of RFC 8410.
 const PRIVATE_HEAD: [u8; 16] = [0x30, 0x2e, 2, 1, 0, 0x30, 5, 6, 3, 0x2b, 0x65, 0x70, 4, 0x22, 4, 0x20];
 /// The bytes before the 32 bytes of a public key: SubjectPublicKeyInfo of RFC 8410.
@@ -22,6 +24,8 @@ const PUBLIC_HEAD: [u8; 12] = [0x30, 0x2a, 0x30, 5, 6, 3, 0x2b, 0x65, 0x70, 3, 0
 const KEY: usize = 32;
 /// Access rights of other users. A key file that other users can read is not secret.
 const OF_OTHERS: u32 = 0o077;
+/// What is signed to try a key out. It is no text that a run has.
+const TRIAL: &[u8] = b"gnc-station: this text tries out the key of a station, and is of no run";
 /// Longest file that is read: both key files are shorter.
 const LONGEST: u64 = 128;
 
@@ -52,6 +56,16 @@ pub enum KeyError {
         /// The key file.
         path: PathBuf,
     },
+    /// The file holds the other half of a key.
+    #[error("{} is the {is} half of a key, and the {wanted} half is needed", gnc_text::shown_path(path))]
+    OtherHalf {
+        /// The key file.
+        path: PathBuf,
+        /// The half that it is: "private", "public".
+        is: &'static str,
+        /// The half that is needed.
+        wanted: &'static str,
+    },
     /// The file does not hold such a key.
     #[error("{} is not a {form} Ed25519 key", gnc_text::shown_path(path))]
     NoKey {
@@ -71,11 +85,25 @@ impl KeyError {
                 "the station does not overwrite a key: move the old key away, and keep its public half to verify its runs"
             }
             Self::File { what: "write", .. } => "name a file in a folder that exists and that this user may write to",
-            Self::File { .. } => {
-                "check the path, and `key` under [station] in the bench file; `gnc-station records key FILE` makes FILE and FILE.pub"
-            }
+            Self::File { source, .. } => match (source.kind(), gnc_files::is_refused(source)) {
+                (_, Some(gnc_files::Refused::Folder)) => "name the file of the key, not its folder",
+                (_, Some(_)) => "name the file that `gnc-station records key FILE` wrote",
+                (io::ErrorKind::PermissionDenied, None) => {
+                    "a private key must belong to the user of the station; make a public one readable for all"
+                }
+                (io::ErrorKind::NotFound | io::ErrorKind::NotADirectory, None) => {
+                    "check the path, and `key` under [station] in the bench file; `gnc-station records key FILE` makes FILE and FILE.pub"
+                }
+                _ => "check the disk on which the key lies",
+            },
             Self::Open { .. } => "run `chmod 600` on the key; if other users may have read it, make a new key",
             Self::Foreign { .. } => "run the station as the key's owner, or make a new key for this user",
+            Self::OtherHalf { wanted: "private", .. } => {
+                "name the file without .pub, which `gnc-station records key FILE` wrote beside it"
+            }
+            Self::OtherHalf { .. } => {
+                "name FILE.pub, which `gnc-station records key FILE` wrote beside it; give no private key away"
+            }
             Self::NoKey { .. } => "name the file that `gnc-station records key FILE` wrote, or FILE.pub to verify",
         }
     }
@@ -137,19 +165,39 @@ impl StationKey {
     pub fn read(path: &Path) -> Result<Self, KeyError> {
         let file = on(gnc_files::open(path), "read", path)?;
         let meta = on(file.metadata(), "read", path)?;
+        // What is no private key needs no other rights.
+        let seed = behind(&PRIVATE_HEAD, file, path, "private")?;
         if meta.uid() != nix::unistd::geteuid().as_raw() {
             return Err(KeyError::Foreign { path: path.to_owned() });
         }
         if meta.mode() & OF_OTHERS != 0 {
             return Err(KeyError::Open { path: path.to_owned(), mode: meta.mode() & 0o777 });
         }
-        Ok(Self(SigningKey::from_bytes(&behind(&PRIVATE_HEAD, file, path, "private")?)))
+        Ok(Self(SigningKey::from_bytes(&seed)))
     }
 
     /// The public half.
     #[must_use]
     pub fn public(&self) -> PublicKey {
         PublicKey(self.0.verifying_key())
+    }
+
+    /// The public half that lies beside the private one, if there is one.
+    ///
+    /// # Errors
+    /// [`KeyError`]: something lies there and is no public key.
+    pub fn public_beside(path: &Path) -> Result<Option<(PathBuf, PublicKey)>, KeyError> {
+        let public = public_path(path);
+        if public.symlink_metadata().is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
+            return Ok(None);
+        }
+        PublicKey::read(&public).map(|key| Some((public, key)))
+    }
+
+    /// Whether a public half proves what this key signs.
+    #[must_use]
+    pub fn is_proved_by(&self, public: &PublicKey) -> bool {
+        public.signed(TRIAL, &self.sign(TRIAL))
     }
 
     /// The signature of a text.
@@ -172,6 +220,12 @@ impl PublicKey {
         let bytes = behind(&PUBLIC_HEAD, on(gnc_files::open(path), "read", path)?, path, "public")?;
         let no_key = |_| KeyError::NoKey { path: path.to_owned(), form: "public" };
         Ok(Self(VerifyingKey::from_bytes(&bytes).map_err(no_key)?))
+    }
+
+    /// The digest of the file that holds this half, as `sha256sum FILE.pub` shows it: by it people compare keys.
+    #[must_use]
+    pub fn fingerprint(&self) -> String {
+        digest::of_bytes(&[&PUBLIC_HEAD[..], self.0.as_bytes()].concat())
     }
 
     /// Whether the text was signed with the private half.
@@ -213,8 +267,12 @@ fn write(path: &Path, mode: u32, parts: &[&[u8]]) -> Result<(), KeyError> {
 fn behind(head: &[u8], file: File, path: &Path, form: &'static str) -> Result<[u8; KEY], KeyError> {
     let mut bytes = Vec::new();
     on(file.take(LONGEST).read_to_end(&mut bytes), "read", path)?;
-    let key = bytes.strip_prefix(head).and_then(|key| key.try_into().ok());
-    key.ok_or_else(|| KeyError::NoKey { path: path.to_owned(), form })
+    let key = |head: &[u8]| bytes.strip_prefix(head).and_then(|key| key.try_into().ok());
+    let other = if form == "private" { (&PUBLIC_HEAD[..], "public") } else { (&PRIVATE_HEAD[..], "private") };
+    key(head).ok_or_else(|| match key(other.0) {
+        Some::<[u8; KEY]>(_) => KeyError::OtherHalf { path: path.to_owned(), is: other.1, wanted: form },
+        None => KeyError::NoKey { path: path.to_owned(), form },
+    })
 }
 
 fn on<T>(result: io::Result<T>, what: &'static str, path: &Path) -> Result<T, KeyError> {
@@ -297,8 +355,12 @@ mod tests {
         let public = StationKey::create(&path).expect("a key");
         assert!(StationKey::read(&path).is_ok() && PublicKey::read(&public).is_ok());
         assert!(matches!(StationKey::create(&path), Err(KeyError::File { .. })), "never written over");
-        assert!(matches!(StationKey::read(&public), Err(KeyError::Open { .. })));
-        assert!(matches!(PublicKey::read(&path), Err(KeyError::NoKey { .. })));
+        let half = |read: Result<(), KeyError>| match read {
+            Err(KeyError::OtherHalf { is, wanted, .. }) => (is, wanted),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(half(StationKey::read(&public).map(drop)), ("public", "private"), "its rights are not the fault");
+        assert_eq!(half(PublicKey::read(&path).map(drop)), ("private", "public"));
         std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o640)).expect("rights");
         let refused = StationKey::read(&path).expect_err("too open");
         assert!(

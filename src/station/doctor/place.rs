@@ -21,6 +21,11 @@ const COLUMNS_AND_ROWS: (u16, u16) = (80, 24);
 /// Checks the records folder, and finds runs without an end.
 pub(super) fn records(folder: &Path) -> Vec<Finding> {
     let shown = gnc_text::shown_path(folder);
+    if !folder.is_dir() && folder.symlink_metadata().is_ok() {
+        let is = if folder.exists() { "it is a file, not a folder" } else { "it is a link that leads nowhere" };
+        let mend = "move it away, or choose another folder with records = under [station]";
+        return vec![Finding::bad(format!("records cannot go to {shown}: {is}"), mend)];
+    }
     if !folder.exists() {
         let there = existing(folder);
         return vec![match access(there, AccessFlags::W_OK) {

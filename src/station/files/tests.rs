@@ -43,7 +43,7 @@ fn a_picture_that_cannot_be_shown_refuses_the_plan() {
     let missing = "and there is no such file";
     assert!(refused(&path).contains(missing), "{}", refused(&path));
     std::fs::create_dir(&lid).expect("a folder");
-    assert!(refused(&path).contains(missing), "{}", refused(&path));
+    assert!(refused(&path).contains("which cannot be read: it is a folder, not a file"), "{}", refused(&path));
     std::fs::remove_dir(&lid).expect("no folder");
     let pipe = folder.path().join("pipe");
     nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU).expect("a pipe");
@@ -51,13 +51,17 @@ fn a_picture_that_cannot_be_shown_refuses_the_plan() {
         std::os::unix::fs::symlink(target, &lid).expect("a link");
         let told = refused(&path);
         let expected = match target.to_str() {
-            Some("lid.png") => "which cannot be read",
+            Some("lid.png") => "which cannot be read: it is a link that leads in a circle",
             Some("/dev/zero") => "which lies outside of the plan's folder",
-            _ => missing,
+            _ => "which cannot be read: it is a pipe, not a file",
         };
         assert!(told.contains(expected), "{told}");
         let anywhere = plan(&path, Reach::Anywhere).map(drop).map_err(|refusal| refusal.what).expect_err("a mistake");
-        let expected = if target == Path::new("lid.png") { expected } else { missing };
+        let expected = if target == Path::new("/dev/zero") {
+            "which cannot be read: it is a device, not a file"
+        } else {
+            expected
+        };
         assert!(anywhere.contains(expected), "{anywhere}");
         std::fs::remove_file(&lid).expect("no link");
     }

@@ -59,7 +59,9 @@ impl RecordsArgs {
             return StationKey::read(path).map(Some).map_err(refused);
         }
         let here = Path::new(BENCH_FILE);
-        let Some(bench) = self.bench.as_deref().or_else(|| here.exists().then_some(here)) else { return Ok(None) };
+        let Some(bench) = self.bench.as_deref().or_else(|| files::is_there(here).then_some(here)) else {
+            return Ok(None);
+        };
         key(&files::bench(bench)?, bench.parent())
     }
 
@@ -68,7 +70,7 @@ impl RecordsArgs {
             return Ok(RecordsPlace { path: records.clone(), why: "which --records names".to_owned() });
         }
         let here = Path::new(BENCH_FILE);
-        let Some(bench) = self.bench.as_deref().or_else(|| here.exists().then_some(here)) else {
+        let Some(bench) = self.bench.as_deref().or_else(|| files::is_there(here).then_some(here)) else {
             let why = format!("since neither --records nor --bench is given and this folder has no {BENCH_FILE}");
             return Ok(RecordsPlace { path: RECORDS.into(), why });
         };

@@ -1,10 +1,12 @@
 //! The simulated bench: a module that a file describes, or one that is built in.
 
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
 use gnc_bench::fixture::Fixture;
 use gnc_bench::service::Equipment;
+use gnc_config::did_you_mean;
 use gnc_executive::bench::BenchFile;
 use gnc_executive::event::BenchInfo;
 use gnc_executive::job::BenchAbilities;
@@ -15,7 +17,7 @@ use hw_mocks::{BenchOptions, Personality, RunningBench, Speed};
 
 use super::{BenchHabits, CheckedBench, Kind, SIMULATED, Setup, records, station};
 use crate::args::{RunArgs, SimLink};
-use crate::files::ReadFile;
+use crate::files::{self, ReadFile};
 use crate::refusal::CommandRefusal;
 
 /// A simulated module that waits for its serial number.
@@ -91,10 +93,13 @@ fn read(path: &Path, name: &str, reach: Reach) -> Result<(Personality, Option<Re
         _ => {
             let text = gnc_files::text(path, hw_mocks::LARGEST_FILE).map_err(|error| {
                 let what = format!("cannot read the board {name}: {error}");
-                CommandRefusal::new(
-                    what,
-                    "start from a board in hw-mocks/boards/, or name a built-in board: `hw-mocks --boards` lists them",
-                )
+                let built_in = || {
+                    let all = "start from a board in hw-mocks/boards/, or name a built-in board: `hw-mocks --boards` lists them";
+                    did_you_mean(name, hw_mocks::boards().iter().map(|(name, _)| *name), || all.to_owned())
+                };
+                let is_missing = gnc_files::is_refused(&error).is_none() && error.kind() == io::ErrorKind::NotFound;
+                let try_this = if is_missing { built_in() } else { files::how_to_read(&error).to_owned() };
+                CommandRefusal::new(what, &try_this)
             })?;
             let personality = Personality::with_files(name, &text, &mut hw_mocks::beside(path, reach));
             (personality, Some(ReadFile { path: path.to_owned(), bytes: text.into_bytes() }))

@@ -192,6 +192,10 @@ impl InputReader {
         let mut keys = Vec::new();
         self.decoder.feed(&burst.bytes, &mut keys);
         self.decoder.flush(&mut keys);
+        // A hand presses no key with Ctrl together with another one: this is the end of a code of one character.
+        if keys.iter().any(|key| matches!(key, Key::Char(_))) {
+            keys.retain(|key| !matches!(key, Key::Ctrl(_)));
+        }
         // A scanner goes on with its frame, unless it is Esc alone, which does no harm.
         if burst.in_frame && burst.bytes != [0x1b] {
             keys.retain(|key| matches!(key, Key::Char(_)));

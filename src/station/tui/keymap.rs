@@ -25,6 +25,8 @@ pub(crate) enum KeyAction {
     AbortItem,
     /// Stops in order; again: at once.
     Stop,
+    /// What an interrupt means here: a stop while something is on, else the end of the program.
+    Interrupt,
     /// Stops although captures are lost.
     StopAnyway,
     /// Ends the item although captures are lost.
@@ -43,6 +45,8 @@ pub(crate) enum KeyAction {
     Back,
     /// Takes what was chosen.
     Take,
+    /// Reads the chosen plan and bench again.
+    LookAgain,
     /// Yes.
     Yes,
     /// No.
@@ -129,26 +133,7 @@ pub(crate) enum KeyContext {
 impl KeyContext {
     /// All places.
     #[cfg(test)]
-    pub(crate) const ALL: [KeyContext; 18] = [
-        KeyContext::Idle,
-        KeyContext::Running,
-        KeyContext::Detail,
-        KeyContext::Live,
-        KeyContext::LiveRunning,
-        KeyContext::Watching,
-        KeyContext::Calibration,
-        KeyContext::Records,
-        KeyContext::Record,
-        KeyContext::Setup,
-        KeyContext::Prompt,
-        KeyContext::Question,
-        KeyContext::Confirm,
-        KeyContext::Changed,
-        KeyContext::Interrupted,
-        KeyContext::Stopping,
-        KeyContext::GivingUp,
-        KeyContext::Help,
-    ];
+    pub(crate) const ALL: &[KeyContext] = EVERYWHERE;
 }
 
 /// One row of the table.
@@ -164,6 +149,26 @@ pub(crate) struct Binding {
     pub footer: bool,
 }
 
+const EVERYWHERE: &[KeyContext] = &[
+    KeyContext::Idle,
+    KeyContext::Running,
+    KeyContext::Detail,
+    KeyContext::Live,
+    KeyContext::LiveRunning,
+    KeyContext::Watching,
+    KeyContext::Calibration,
+    KeyContext::Records,
+    KeyContext::Record,
+    KeyContext::Setup,
+    KeyContext::Prompt,
+    KeyContext::Question,
+    KeyContext::Confirm,
+    KeyContext::Changed,
+    KeyContext::Interrupted,
+    KeyContext::Stopping,
+    KeyContext::GivingUp,
+    KeyContext::Help,
+];
 const PAGES: &[KeyContext] = &[
     KeyContext::Idle,
     KeyContext::Running,
@@ -230,15 +235,14 @@ pub(crate) const BINDINGS: &[Binding] = &[
     shown(Key::F(7), KeyAction::AbortItem, &[KeyContext::Running]),
     shown(Key::F(8), KeyAction::Stop, RUN),
     silent(Key::F(8), KeyAction::Stop, RUN_SILENT),
-    silent(Key::Ctrl('c'), KeyAction::Stop, RUN),
-    silent(Key::Ctrl('c'), KeyAction::Stop, RUN_SILENT),
+    silent(Key::Ctrl('c'), KeyAction::Interrupt, EVERYWHERE),
     // The same keys: whoever is in a hurry presses twice. Not Enter, which a scanner sends.
     shown(Key::F(8), KeyAction::StopAnyway, &[KeyContext::Stopping]),
-    silent(Key::Ctrl('c'), KeyAction::StopAnyway, &[KeyContext::Stopping]),
     shown(Key::F(7), KeyAction::GiveUpAnyway, &[KeyContext::GivingUp]),
     shown(Key::F(3), KeyAction::Verify, &[KeyContext::Records, KeyContext::Record]),
     shown(Key::F(4), KeyAction::Filter, &[KeyContext::Records]),
     shown(Key::F(5), KeyAction::Reload, &[KeyContext::Records]),
+    shown(Key::F(5), KeyAction::LookAgain, &[KeyContext::Setup]),
     // A question is answered by a function key, since scanners send line ends. Not by F5: a second press of F5 must not
     // answer it.
     shown(Key::F(2), KeyAction::Yes, &[KeyContext::Prompt, KeyContext::Question, KeyContext::Confirm]),
@@ -352,7 +356,8 @@ mod tests {
             let does_something =
                 |action| action != KeyAction::No || [KeyContext::Prompt, KeyContext::Question].contains(&place);
             for binding in bindings(place).filter(|binding| does_something(binding.action)) {
-                let stop = binding.key == Key::Ctrl('c') && binding.action == KeyAction::Stop;
+                // It stops a run, or says no. A scanner's ETX is none: see the reader of the terminal.
+                let stop = binding.key == Key::Ctrl('c') && binding.action == KeyAction::Interrupt;
                 assert!(matches!(binding.key, Key::F(_)) || stop, "{place:?}: {binding:?}");
             }
         }
@@ -360,7 +365,7 @@ mod tests {
 
     #[test]
     fn a_key_does_one_thing_in_a_place() {
-        for place in KeyContext::ALL {
+        for place in KeyContext::ALL.iter().copied() {
             for binding in bindings(place) {
                 let same = bindings(place).filter(|other| other.key == binding.key).count();
                 assert_eq!(same, 1, "{place:?} {:?}", binding.key);

@@ -161,6 +161,8 @@ pub(crate) struct Texts {
     pub board_says: &'static str,
     pub nothing_measured: &'static str,
     pub more_lines: &'static str,
+    /// How many lines of mistakes have no room, and the key that shows them.
+    pub all_lines: &'static str,
     pub optional: &'static str,
     // Messages.
     pub scan_first: &'static str,

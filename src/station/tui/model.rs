@@ -73,6 +73,8 @@ pub(crate) enum Over {
     Item { name: String, scroll: usize },
     /// The log of the run shown.
     Log { scroll: usize },
+    /// All mistakes of bench or plan.
+    Mistakes { scroll: usize },
     /// The plan was run on the module before; test it again?
     Again(Standing),
     /// Files are not as they were checked; run what was checked, or read them again?
@@ -249,6 +251,14 @@ impl ScreenModel {
     /// Whether bench and plan are read and have no mistakes, or are being read.
     pub(crate) fn is_refused(&self) -> bool {
         matches!(self.bench, Loaded::Refused(_)) || matches!(self.plan, Loaded::Refused(_))
+    }
+
+    /// Why bench or plan is refused; the bench first.
+    pub(crate) fn refused_why(&self) -> Option<&str> {
+        match (&self.bench, &self.plan) {
+            (Loaded::Refused(why), _) | (_, Loaded::Refused(why)) => Some(why),
+            _ => None,
+        }
     }
 
     /// What F5 does with the module that was scanned.

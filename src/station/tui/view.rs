@@ -81,7 +81,7 @@ fn rows(area: Rect, troubles: usize, messages: usize) -> [Rect; 5] {
 
 /// Whether a layer stands before the question of the run.
 fn hides_prompt(over: Option<&Over>) -> bool {
-    !matches!(over, None | Some(Over::Item { .. } | Over::Log { .. }))
+    !matches!(over, None | Some(Over::Item { .. } | Over::Log { .. } | Over::Mistakes { .. }))
 }
 
 /// The picture of the question on the screen, if the terminal can draw it and there is room.
@@ -104,6 +104,7 @@ fn whole(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         (Some(Over::Setup(form)), _) => setup::draw(model, form, frame, body),
         (Some(Over::Item { name, scroll }), _) => detail::page(model, frame, body, name, *scroll),
         (Some(Over::Log { scroll }), _) => log::page(model, frame, body, *scroll),
+        (Some(Over::Mistakes { scroll }), _) => panels::all_mistakes(model, frame, body, *scroll),
         (_, ScreenPage::Tests | ScreenPage::Calibration | ScreenPage::Live) if small => {
             compact::draw(model, frame, body);
         }

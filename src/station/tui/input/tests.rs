@@ -53,6 +53,18 @@ fn a_scanner_at_any_speed_is_no_hand() {
     assert_eq!(keys(&hand), [Key::Char('S'), Key::Char('N'), Key::Char('-'), Key::Char('1'), Key::Enter]);
 }
 
+/// ETX is the byte of Ctrl-C. Behind a code of one character it is no key; alone, from a hand, it is.
+#[test]
+fn the_etx_of_a_short_code_stops_nothing() {
+    for gap in [0, 1, 10, 29] {
+        assert_eq!(keys(&read(&typed(gap, b"5\x03"))), [Key::Char('5')], "{gap} ms");
+        assert_eq!(read(&typed(gap, b"\x03SN-0001\x03")), [scan(b"\x03SN-0001\x03", true)], "{gap} ms");
+    }
+    assert_eq!(keys(&read(&[(0, b"\x03")])), [Key::Ctrl('c')]);
+    assert_eq!(keys(&read(&typed(80, b"5\x03"))), [Key::Char('5'), Key::Ctrl('c')]);
+    assert_eq!(keys(&read(&typed(200, b"\x03\x03"))), [Key::Ctrl('c'), Key::Ctrl('c')]);
+}
+
 /// Nothing that belongs to a scan is a key: no line end, no Tab, no control character, no escape sequence.
 #[test]
 fn the_frame_of_a_scan_is_no_key() {

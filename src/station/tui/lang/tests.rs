@@ -116,7 +116,7 @@ fn items_have_titles_of_their_own() {
 #[test]
 fn keys_fit_into_the_last_line() {
     for lang in Lang::ALL {
-        for place in KeyContext::ALL {
+        for place in KeyContext::ALL.iter().copied() {
             let shown = bindings(place).filter(|binding| binding.footer);
             let width: usize = shown
                 .map(|binding| {

@@ -51,6 +51,8 @@ pub(in crate::tui) fn make(wanted: &PictureWanted) -> Result<DrawnPicture, Pictu
 fn read(wanted: &PictureWanted) -> Result<Vec<u8>, PictureTrouble> {
     let bytes = files::picture(Path::new(&wanted.path)).map_err(|error| match error {
         PictureFileError::Missing | PictureFileError::Outside => PictureTrouble::Gone,
+        // What has taken its place is no picture.
+        PictureFileError::Unreadable(error) if gnc_files::is_refused(&error).is_some() => PictureTrouble::Gone,
         // It was not as large when the plan was checked.
         PictureFileError::TooLarge => PictureTrouble::Changed,
         PictureFileError::Unreadable(error) => PictureTrouble::Unreadable(error.to_string()),

@@ -348,6 +348,7 @@ const NAMES: &[(&str, &str)] = &[
     ("names of measured values", "gyro_x gyro_y measured"),
     ("messages as the interface document names them", "SciEcho"),
     ("a standard", "SHA-256"),
+    ("a command, and what it prints a line for", "3f9a0c1d2b4e 8e5d7c6b1a20 gnc-station plan check --sim plans"),
     ("numbers of the system's errors", "os error"),
     (
         "devices as they are printed on the module and in the interface document",
@@ -356,7 +357,7 @@ const NAMES: &[(&str, &str)] = &[
     ("what is printed on a switch", "ON OFF"),
     ("units", "bit/s deg/h deg/s degC gauss mg min ms"),
     ("symbols of metrology", "Allan HDOP X/Y alpha"),
-    ("what is printed on keys", "Ctrl-A Ctrl-L Ctrl-R Down End Enter Esc Home PgDn PgUp Space Up"),
+    ("what is printed on keys", "Ctrl-A Ctrl-C Ctrl-L Ctrl-R Down End Enter Esc Home PgDn PgUp Space Up"),
 ];
 
 /// Sentences that are English in every language still. The list only gets shorter: a sentence that no scene shows any more

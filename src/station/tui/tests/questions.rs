@@ -45,7 +45,7 @@ fn letters_go_nowhere_while_a_question_is_open() {
         asked.push(place);
     }
     assert!(asked.len() >= 16, "{} scenes ask", asked.len());
-    for place in KeyContext::ALL {
+    for place in KeyContext::ALL.iter().copied() {
         assert_eq!(asks(place), asked.contains(&place), "{place:?}");
     }
 }

@@ -140,6 +140,13 @@ pub(super) const SCENES: &[(&str, Play)] = &[
     ("help", |lang, size| played(lang, size, |scene| drop(scene.key(Key::F(1))))),
     ("setup", |lang, size| played(lang, size, |scene| drop(scene.key(Key::F(2))))),
     ("setup-mistakes", |lang, size| played(lang, size, mistakes)),
+    ("not-ready", |lang, size| played(lang, size, not_ready)),
+    ("not-ready-all", |lang, size| {
+        played(lang, size, |scene| {
+            not_ready(scene);
+            scene.key(Key::Enter);
+        })
+    }),
     ("leave", |lang, size| {
         played(lang, size, |scene| {
             scene.start("DEMO-1");
@@ -229,6 +236,14 @@ fn mistakes(scene: &mut Scene) {
     let why = "test-plans/mine.toml:4:6: unknown item \"imo\"\n 4 | id = \"imo\"\n   |      ^^^^^\n   = try: did you mean \"imu\"?";
     scene.tell(Msg::Plan { path: "test-plans/mine.toml".into(), plan: Loaded::Refused(why.into()) });
     scene.key(Key::F(2));
+}
+
+/// A plan that the bench does not run: the reason is longer than a line.
+fn not_ready(scene: &mut Scene) {
+    let why = "the bench file pins plan functional to 3f9a0c1d2b4e, and this one has 8e5d7c6b1a20: its text or that of a file that it \
+               includes was changed\nbring back the plan as it was released; if the new text is released, `gnc-station plan check --sim` \
+               prints the line for [plans]";
+    scene.tell(Msg::Plan { path: "test-plans/functional.toml".into(), plan: Loaded::Refused(why.into()) });
 }
 
 pub(super) fn fail(scene: &mut Scene) {

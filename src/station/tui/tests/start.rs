@@ -219,6 +219,83 @@ fn a_verdict_goes_with_its_plan() {
     assert_eq!(scene.key(Key::F(5)), Some(choose()), "it may have been mended");
 }
 
+/// The reason is read in full: where the panel has no room, Enter opens a page that scrolls. F5 reads the files again, from the form
+/// too, and Enter in the form does as well.
+#[test]
+fn a_refused_bench_says_all_and_is_looked_at_again() {
+    let why = "other users may use the key /srv/stations/line-2/secrets/station.key (mode 640)\n\
+               run `chmod 600` on the key; if other users may have read it, make a new key";
+    for lang in Lang::ALL {
+        for size in [(80, 24), (80, 16), (40, 10)] {
+            let mut scene = super::super::scene::Scene::new(lang, size.0, size.1).expect("memory");
+            scene.tell(Msg::Bench { path: "bench.toml".into(), bench: Loaded::Refused(why.into()) });
+            scene.key(Key::Enter);
+            let mut seen = String::new();
+            for _ in 0..8 {
+                seen.push_str(&scene.text());
+                scene.key(Key::Down);
+            }
+            let joined = |text: &str| text.chars().filter(|c| !c.is_whitespace() && *c != '│').collect::<String>();
+            let seen = joined(&seen);
+            for line in why.lines() {
+                let told = joined(&scene.model.said(line));
+                // A page that scrolls shows each line of the sentence, and they follow each other.
+                let ends: String = told.chars().rev().take(12).collect::<Vec<_>>().into_iter().rev().collect();
+                assert!(seen.contains(&ends), "{lang:?} {size:?}: {told} in {seen}");
+            }
+            assert_eq!(scene.key(Key::Esc), None);
+            assert!(matches!(scene.key(Key::F(5)), Some(Effect::Choose { .. })), "{lang:?}");
+        }
+    }
+    let mut scene = super::scene(Lang::En);
+    scene.tell(Msg::Bench { path: "bench.toml".into(), bench: Loaded::Refused(why.into()) });
+    scene.key(Key::F(2));
+    let again = scene.key(Key::F(5));
+    assert!(matches!(&again, Some(Effect::Choose { bench, .. }) if bench == "bench.toml"), "{again:?}");
+    assert_eq!(scene.key(Key::F(5)), None, "it is being read");
+    let path = "test-plans/functional.toml".into();
+    scene.tell(Msg::Plan { path, plan: Loaded::Refused("unknown item \"cpo\"".into()) });
+    assert!(scene.text().contains("station.key"), "the form shows what was found: {}", scene.text());
+    assert!(matches!(scene.key(Key::Enter), Some(Effect::Choose { .. })), "and the form is taken");
+    // The bench alone was refused: the plan is as it was.
+    let mut scene = super::scene(Lang::En);
+    scene.tell(Msg::Bench { path: "bench.toml".into(), bench: Loaded::Refused(why.into()) });
+    scene.key(Key::F(2));
+    assert!(matches!(scene.key(Key::Enter), Some(Effect::Choose { .. })));
+    // A verdict on the screen stays if the form names no other files.
+    let mut scene = super::scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.run_ends(Outcome::Passed);
+    scene.key(Key::F(2));
+    assert_eq!(scene.key(Key::F(5)), None);
+    assert!(scene.model.run.is_some());
+}
+
+/// Ctrl-C stops what is on, as F8 does; says no to a question of a start; and ends the program where nothing is on, as F10 does.
+#[test]
+fn ctrl_c_means_what_an_interrupt_means() {
+    let c = Key::Ctrl('c');
+    for before in [vec![], vec![Key::F(1)], vec![Key::F(2)], vec![Key::F(9)]] {
+        let mut scene = super::scene(Lang::En);
+        for key in &before {
+            scene.key(*key);
+        }
+        assert_eq!(scene.key(c), Some(Effect::Leave), "{before:?}");
+    }
+    let mut scene = super::scene(Lang::En);
+    start(&mut scene, changed(), None);
+    assert_eq!((scene.key(c), &scene.model.pending), (None, &None), "no run of changed files");
+    assert_eq!(scene.key(c), Some(Effect::Leave));
+    // A run: in order, then at once, also over the question whether to leave.
+    let mut scene = super::scene(Lang::En);
+    scene.start("DEMO-1");
+    scene.key(Key::F(10));
+    for stops in [1, 2] {
+        assert_eq!(scene.key(c), Some(Effect::Stop));
+        assert_eq!(scene.model.run.as_ref().map(|run| run.stops), Some(stops));
+    }
+}
+
 /// A scan, or the start of the program, tells of a run that can be resumed. A later scan of another module does not.
 #[test]
 fn a_run_that_broke_off_is_told() {

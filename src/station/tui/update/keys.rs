@@ -115,10 +115,8 @@ fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<
         KeyAction::Pause => return pause(model),
         KeyAction::AbortItem => return abort_item(model),
         KeyAction::Stop => return stop_or_ask(model),
-        KeyAction::StopAnyway => {
-            model.over.retain(|over| !matches!(over, Over::Stop { .. }));
-            return stop(model);
-        }
+        KeyAction::Interrupt => return interrupt(model, place),
+        KeyAction::StopAnyway => return stop_anyway(model),
         KeyAction::GiveUpAnyway => {
             let asked = model.over.pop_if(|over| matches!(over, Over::GiveUp { .. }));
             if let Some(Over::GiveUp { item, .. }) = asked {
@@ -135,6 +133,7 @@ fn act(model: &mut ScreenModel, place: KeyContext, action: KeyAction) -> Option<
         }
         KeyAction::Open => return open(model, place),
         KeyAction::Take => return take_form(model),
+        KeyAction::LookAgain => return look_again(model),
         KeyAction::Back if place == KeyContext::Watching => return leave_watch(model),
         KeyAction::Back => back(model, place),
         KeyAction::Yes | KeyAction::No | KeyAction::Redo if place == KeyContext::Question => {
@@ -233,6 +232,21 @@ fn stop_or_ask(model: &mut ScreenModel) -> Option<Effect> {
     stop(model)
 }
 
+fn stop_anyway(model: &mut ScreenModel) -> Option<Effect> {
+    model.over.retain(|over| !matches!(over, Over::Stop { .. }));
+    stop(model)
+}
+
+/// Ctrl-C: what is on is stopped, a question of a start is answered with no, and where nothing is on the program ends.
+fn interrupt(model: &mut ScreenModel, place: KeyContext) -> Option<Effect> {
+    match place {
+        KeyContext::Stopping => stop_anyway(model),
+        _ if model.is_running() || model.watching => stop_or_ask(model),
+        _ if is_asking(place) => start::answer(model, KeyAction::No).unwrap_or_else(|| answer(model, false)),
+        _ => leave(model),
+    }
+}
+
 fn stop(model: &mut ScreenModel) -> Option<Effect> {
     if model.watching {
         return Some(Effect::Stop);
@@ -315,6 +329,7 @@ fn open(model: &mut ScreenModel, place: KeyContext) -> Option<Effect> {
             let name = open.state.rows()[position].planned.name.clone();
             model.over.push(Over::Item { name, scroll: 0 });
         }
+        KeyContext::Idle if model.run.is_none() && model.is_refused() => model.over.push(Over::Mistakes { scroll: 0 }),
         _ => {
             let name = model.item_under_cursor()?.to_owned();
             if model.run.is_some() {
@@ -362,10 +377,24 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
     model.operator_remembered = false;
     set_language(model, form.lang);
     let (plan, bench) = (form.plan.text().trim().to_owned(), form.bench.text().trim().to_owned());
-    if plan != model.plan_path || bench != model.bench_path || !matches!(model.plan, Loaded::Ready(_)) {
+    let are_ready = matches!((&model.plan, &model.bench), (Loaded::Ready(_), Loaded::Ready(_)));
+    if plan != model.plan_path || bench != model.bench_path || !are_ready {
         return Some(start::choose(model, plan, bench));
     }
     None
+}
+
+/// Has the plan and the bench of the form read again, while the form stays: its panel shows what was found. A verdict on the screen
+/// does not go for files that are as they were.
+fn look_again(model: &mut ScreenModel) -> Option<Effect> {
+    let Some(Over::Setup(form)) = model.over.last() else { return None };
+    let (plan, bench) = (form.plan.text().trim().to_owned(), form.bench.text().trim().to_owned());
+    let is_read = matches!(model.plan, Loaded::Loading) || matches!(model.bench, Loaded::Loading);
+    let are_others = plan != model.plan_path || bench != model.bench_path;
+    if is_read || !(are_others || model.is_refused() || model.run.is_none()) {
+        return None;
+    }
+    Some(start::choose(model, plan, bench))
 }
 
 fn back(model: &mut ScreenModel, place: KeyContext) {
@@ -423,7 +452,9 @@ fn move_by(model: &mut ScreenModel, place: KeyContext, step: isize) {
         Some(Over::Setup(form)) => {
             return form.line = moved(form.line, step.signum(), form.lines().len() - 1);
         }
-        Some(Over::Help { scroll, .. } | Over::Item { scroll, .. } | Over::Log { scroll }) => {
+        Some(
+            Over::Help { scroll, .. } | Over::Item { scroll, .. } | Over::Log { scroll } | Over::Mistakes { scroll },
+        ) => {
             return *scroll = moved(*scroll, step, end);
         }
         _ => {}

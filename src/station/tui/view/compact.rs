@@ -48,7 +48,7 @@ pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
         }
         (Some(run), ..) => lines.extend(of_run(model, run, cells)),
         (None, Loaded::Refused(why), _) | (None, _, Loaded::Refused(why)) => {
-            lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(&model.said(line)), cells))));
+            lines.extend(super::panels::of_mistakes(model, why, cells));
         }
         (None, _, Loaded::Ready(plan)) => {
             let what = format!("{} {}", text::shown(&plan.name), text::shown(&plan.version));

@@ -467,16 +467,41 @@ pub(super) fn mistakes(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, w
     let block = block(model.texts.mistakes);
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    let cells = usize::from(inner.width);
-    let of_bench = matches!(model.bench, Loaded::Refused(_));
-    let found = if of_bench { model.texts.mistakes_of_bench } else { model.texts.mistakes_found };
-    let mut lines = vec![Line::styled(found, style::strong())];
-    lines.extend(why.lines().map(|line| Line::raw(text::cut(&text::shown(&model.said(line)), cells))));
+    let mut lines = headed_mistakes(model, why, usize::from(inner.width));
     let room = usize::from(inner.height);
     if lines.len() > room && room > 0 {
         let more = lines.len() - room + 1;
         lines.truncate(room - 1);
-        lines.push(Line::styled(fill(model.texts.more_lines, &[&more.to_string()]), style::faint()));
+        // In the form Enter takes the form first.
+        lines.push(Line::styled(fill(model.texts.all_lines, &[&more.to_string()]), style::faint()));
     }
     text::lines(frame, lines, inner);
+}
+
+/// All mistakes on a page of their own, which scrolls.
+pub(super) fn all_mistakes(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect, scroll: usize) {
+    let why = model.refused_why().unwrap_or_default();
+    super::detail::scrolled(model, frame, area, model.texts.mistakes, scroll, |cells| {
+        headed_mistakes(model, why, cells)
+    });
+}
+
+/// What the mistakes are of, and each line of them.
+fn headed_mistakes(model: &ScreenModel, why: &str, cells: usize) -> Vec<Line<'static>> {
+    let of_bench = matches!(model.bench, Loaded::Refused(_));
+    let found = if of_bench { model.texts.mistakes_of_bench } else { model.texts.mistakes_found };
+    let head = text::wrap(found, cells).into_iter().map(|line| Line::styled(line, style::strong()));
+    head.chain(of_mistakes(model, why, cells)).collect()
+}
+
+/// Each line of the mistakes. A sentence goes on in the next line; a line of the file is cut, since the mark below it names a column.
+pub(super) fn of_mistakes(model: &ScreenModel, why: &str, cells: usize) -> Vec<Line<'static>> {
+    let mut lines = Vec::new();
+    for line in why.lines() {
+        let shown = text::shown(&model.said(line));
+        let is_of_file = line.trim_start_matches(|c: char| c == ' ' || c.is_ascii_digit()).starts_with('|');
+        let told = if is_of_file { vec![text::cut(&shown, cells)] } else { text::wrap(&shown, cells) };
+        lines.extend(told.into_iter().map(Line::raw));
+    }
+    lines
 }
