@@ -54,6 +54,7 @@ pub use links::{ChainStanding, LateCloses, standing};
 pub(crate) use links::{DayLinks, OpenRun, of_day};
 pub(in crate::store) use mend::mend;
 pub(crate) use order::by_close;
+pub(crate) use signed::Witnessed;
 
 /// The file of the chain in a day's folder.
 pub(crate) const CHAIN: &str = "CHAIN";

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::begin;
 use super::check::{Against, ChainBook, ChainCheck};
 use super::entry::ChainEntry;
-use crate::store::PublicKey;
+use crate::store::{PublicKey, StoreError};
 
 /// Number of the first line with a signature. It covers the link before it, and so all lines before.
 fn since(book: &ChainBook) -> Option<u64> {
@@ -37,6 +37,51 @@ pub(super) fn check(book: &ChainBook, against: &Against<'_>, checked: &mut Chain
         checked.notes.push(format!(
             "{simulated} lines of the chain are of simulated runs and not signed: a simulated bench has no key"
         ));
+    }
+}
+
+/// The lines from before the first signed one that it covers. A person who takes signatures away from lines behind it cannot change
+/// these lines: the first one that is left is signed, and its link covers them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Witnessed {
+    /// No line of the chain is signed.
+    NoneIsSigned,
+    /// The first signed line is not by one of the keys, or is not as it was written.
+    ByNoKey,
+    /// From this line on up to the first signed one no link is broken.
+    Lines {
+        /// The first line that is covered.
+        first: u64,
+        /// The first signed line.
+        signed: u64,
+    },
+}
+
+impl Witnessed {
+    /// # Errors
+    /// The records folder cannot be read.
+    pub(crate) fn read(records: &Path, keys: &[PublicKey]) -> Result<Self, StoreError> {
+        let book = ChainBook::read(records)?;
+        let Some(at) = book.lines.iter().position(|line| line.signature.is_some()) else {
+            return Ok(Self::NoneIsSigned);
+        };
+        let (before, rest) = book.lines.split_at(at);
+        let Some(signed) = rest.first().filter(|line| line.is_true() && line.is_signed_by(keys) == Some(true)) else {
+            return Ok(Self::ByNoKey);
+        };
+        let mut first = signed;
+        for line in before.iter().rev() {
+            if Some(first.number) != line.number.checked_add(1) || first.before != line.link || !line.is_true() {
+                break;
+            }
+            first = line;
+        }
+        Ok(Self::Lines { first: first.number, signed: signed.number })
+    }
+
+    /// Whether a line is one of these.
+    pub(crate) fn covers(self, number: u64) -> bool {
+        matches!(self, Self::Lines { first, signed } if (first..signed).contains(&number))
     }
 }
 

@@ -25,7 +25,7 @@ const MAX_LOOKED_AT: usize = 100;
 /// What the records say of a module by the plan on the screen; `None` while no plan or no bench is held.
 pub(super) fn standing(held: &Held, records: &Path, serial_number: &str) -> Option<Result<Standing, String>> {
     let (plan, bench) = (&held.plan.as_ref()?.plan, held.bench.as_ref()?);
-    let standing = setup::standing(records, serial_number, plan, bench.bench.kind);
+    let standing = setup::standing(records, serial_number, plan, bench.bench.kind, bench.trusted_keys());
     Some(standing.map_err(|error| with_causes(&error)))
 }
 
