@@ -179,6 +179,11 @@ impl ChainEntry {
         self.from.as_ref().unwrap_or(&self.run)
     }
 
+    /// The station that wrote it; lines of earlier versions do not say it.
+    pub(super) fn station(&self) -> Option<&str> {
+        self.stamp.as_ref().map(|stamp| stamp.station.as_str())
+    }
+
     /// The day in whose folder the run stands.
     pub(super) fn day(&self) -> &str {
         self.run.split('/').next().unwrap_or_default()

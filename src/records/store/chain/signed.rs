@@ -1,5 +1,6 @@
 //! Compares the signatures of the lines with the keys of the stations.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use super::begin;
@@ -12,8 +13,20 @@ fn since(book: &ChainBook) -> Option<u64> {
     book.lines.iter().find(|line| line.signature.is_some()).map(|line| line.number)
 }
 
+/// The first line with a signature of each station. What a station wrote before it got its key has none.
+fn since_of_stations(book: &ChainBook) -> HashMap<&str, u64> {
+    let mut since = HashMap::new();
+    for line in book.lines.iter().filter(|line| line.signature.is_some()) {
+        if let Some(station) = line.station() {
+            since.entry(station).or_insert(line.number);
+        }
+    }
+    since
+}
+
 pub(super) fn check(book: &ChainBook, against: &Against<'_>, checked: &mut ChainCheck) {
     let keys = against.keys;
+    checked.signed = book.lines.iter().filter(|line| line.signature.is_some()).count();
     if keys.is_empty() || book.lines.is_empty() {
         return;
     }
@@ -32,10 +45,16 @@ pub(super) fn check(book: &ChainBook, against: &Against<'_>, checked: &mut Chain
             since.saturating_sub(1)
         ));
     }
-    let simulated = check_lines(book, &all, keys, &mut checked.problems);
+    let Unsigned { simulated, mut before_key } = check_lines(book, &all, keys, &mut checked.problems);
     if simulated > 0 {
         checked.notes.push(format!(
             "{simulated} lines of the chain are of simulated runs and not signed: a simulated bench has no key"
+        ));
+    }
+    before_key.sort_unstable();
+    for (station, lines) in before_key {
+        checked.notes.push(format!(
+            "{lines} lines of the station {station} are not signed, and all of its lines behind them are: it had no key yet, or the signatures were taken away"
         ));
     }
 }
@@ -88,21 +107,29 @@ impl Witnessed {
 /// What is said if there is no signature at all.
 const NONE_IS_SIGNED: &str = "no line of the chain is signed: a version before that wrote them all, there was no key, or the chain was made anew";
 
-/// Checks some of the lines, and returns the number of those that have no signature since their bench is simulated.
+/// Lines behind the first signed one that have no signature, and are no finding.
+#[derive(Debug, Default)]
+pub(super) struct Unsigned {
+    /// Those of a simulated bench.
+    simulated: usize,
+    /// Those of stations that got a key later, by the station.
+    before_key: Vec<(String, usize)>,
+}
+
+/// Checks some of the lines.
 pub(super) fn check_lines(
     book: &ChainBook,
     lines: &[&ChainEntry],
     keys: &[PublicKey],
     problems: &mut Vec<String>,
-) -> usize {
-    let mut simulated = 0;
-    if keys.is_empty() {
-        return simulated;
-    }
+) -> Unsigned {
+    let mut unsigned = Unsigned::default();
     let Some(since) = since(book) else {
         problems.push(NONE_IS_SIGNED.to_owned());
-        return simulated;
+        return unsigned;
     };
+    let of_stations = since_of_stations(book);
+    let mut before_key: HashMap<&str, usize> = HashMap::new();
     for line in lines {
         match line.is_signed_by(keys) {
             Some(true) => {}
@@ -111,21 +138,34 @@ pub(super) fn check_lines(
                 line.number, line.run
             )),
             None if line.number < since => {}
-            None if is_simulated(book, line) => simulated += 1,
-            None => problems.push(format!(
-                "run {} ({}): its line in the chain is not signed, and earlier ones are",
-                line.number, line.run
-            )),
+            None if is_simulated(book, line) => unsigned.simulated += 1,
+            None => match line.station().filter(|station| is_before_key(line, &of_stations, station)) {
+                Some(station) => *before_key.entry(station).or_default() += 1,
+                None => problems.push(format!(
+                    "run {} ({}): its line in the chain is not signed, and earlier ones are",
+                    line.number, line.run
+                )),
+            },
         }
     }
-    simulated
+    unsigned.before_key = before_key.into_iter().map(|(station, lines)| (station.to_owned(), lines)).collect();
+    unsigned
+}
+
+/// Whether a station signed lines behind this one, and none before it: they cover it, so nothing is hidden there.
+fn is_before_key(line: &ChainEntry, of_stations: &HashMap<&str, u64>, station: &str) -> bool {
+    of_stations.get(station).is_some_and(|since| line.number < *since)
 }
 
 /// Why a closed run has no signature, if that is no change.
 pub(super) fn why_unsigned(book: &ChainBook, run: &str) -> Option<&'static str> {
     let line = book.close_of(run).filter(|line| line.signature.is_none())?;
+    let is_before = |since: u64| {
+        line.number < since
+            || line.station().is_some_and(|station| is_before_key(line, &since_of_stations(book), station))
+    };
     match since(book) {
-        Some(since) if line.number < since => Some("not signed: there was no key yet, or the signature was taken away"),
+        Some(since) if is_before(since) => Some("not signed: there was no key yet, or the signature was taken away"),
         Some(_) if is_simulated(book, line) => Some("not signed: a simulated bench has no key"),
         _ => None,
     }
@@ -133,7 +173,7 @@ pub(super) fn why_unsigned(book: &ChainBook, run: &str) -> Option<&'static str> 
 
 /// Whether the journal of a line's run says that its bench is simulated. Such a run proves nothing, and the next signed line
 /// keeps its own line in its place.
-fn is_simulated(book: &ChainBook, line: &ChainEntry) -> bool {
+pub(super) fn is_simulated(book: &ChainBook, line: &ChainEntry) -> bool {
     let moved = book.close_of_begun(&line.run);
     let run = moved.map_or(&line.run, |close| &close.run);
     let first = begin::first_line(&book.records, &book.records.join(Path::new(run)));
