@@ -30,7 +30,9 @@ use gnc_records::resume::{Like, ResumeError, Resumed};
 use gnc_records::reuse::{self, Reused};
 use gnc_records::standing;
 use gnc_records::store::reader;
-use gnc_records::store::{RecordWriter, RunFolder, Sealer, StationKey, StoreError, Watcher, seal_interrupted};
+use gnc_records::store::{
+    PublicKey, RecordWriter, RunFolder, Sealer, StationKey, StoreError, Watcher, seal_interrupted,
+};
 use tokio::time::Instant;
 
 use crate::clock::{self, ClockError};
@@ -51,6 +53,9 @@ pub struct Equipment {
     pub records: PathBuf,
     /// Signs the runs that are closed.
     pub key: Option<StationKey>,
+    /// The keys whose signatures count where a plan requires another one: its own and those of other stations. Empty: signatures
+    /// are not looked at.
+    pub trusted_keys: Vec<PublicKey>,
     /// The bench as records name it.
     pub bench: BenchInfo,
     /// The way to the slave board.
@@ -220,9 +225,7 @@ impl ServiceError {
             Self::Clock(error) => error.try_this(),
             Self::Pinned(error) => error.try_this(),
             Self::Store(error) => error.try_this(),
-            Self::Requires { .. } => {
-                "run that plan on this module first; the whole plan must pass, on a bench like this one"
-            }
+            Self::Requires { standing, .. } => standing.try_this(),
             // Each mistake in these errors has its own hint.
             Self::SerialNumber { .. } => {
                 "scan the module's label again; if it is right, correct serial_number of the plan or bench"
@@ -337,6 +340,7 @@ impl Ready {
             station,
             records,
             key,
+            trusted_keys,
             bench,
             target,
             can,
@@ -390,7 +394,7 @@ impl Ready {
             let at = request.began.unwrap_or_else(clock::now);
             clock::check(at, header.program.build.as_ref(), reader::newest_day(&records))?;
         }
-        Self::check_required(request, &records, &plans, header.bench.kind)?;
+        Self::check_required(request, &records, &plans, header.bench.kind, &trusted_keys)?;
         let like = Like::header(&header, request.plan.plan().valid_days, request.began.unwrap_or_else(clock::now));
         let like = like.with_key(key.as_ref());
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, like)).transpose()?;
@@ -407,12 +411,13 @@ impl Ready {
     }
 
     /// Looks for a valid pass of each plan that must come before.
-    /// If the bench pins that plan, only a pass by the pinned text counts.
+    /// If the bench pins that plan, only a pass by the pinned text counts; if it has keys, only a pass that one of them signed.
     fn check_required(
         request: &RunRequest,
         records: &Path,
         plans: &PinnedPlans,
         bench: BenchKind,
+        trusted_keys: &[PublicKey],
     ) -> Result<(), ServiceError> {
         let (plan, serial_number) = (request.plan.plan(), request.serial_number.as_str());
         let (valid_days, now) = (plan.valid_days, request.began.unwrap_or_else(clock::now));
@@ -424,7 +429,7 @@ impl Ready {
             });
             let asked = pinned.as_ref().map_or(PlanAsked::Named(required), PlanAsked::This);
             let question = Question { serial_number, plan: asked, valid_days, bench, now };
-            let standing = standing::read(records, &question)?;
+            let standing = standing::read(records, &question, trusted_keys)?;
             if !standing.passes_beyond_doubt() {
                 let (plan, serial_number) = (plan.name.clone(), gnc_text::printable(serial_number).into_owned());
                 return Err(ServiceError::Requires { plan, serial_number, standing: Box::new(standing) });

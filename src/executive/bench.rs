@@ -5,6 +5,7 @@
 //! id = "line-2"                      # required
 //! records = "records"                # folder of the records, relative to this file
 //! key = "station.key"                # optional: signs each run that is closed
+//! trusted_keys = ["line-1.key.pub"]  # optional: public keys of other stations whose passes count here
 //! serial_number = "SN-[0-9]{4}"      # optional: a regular expression that the whole number of each module matches
 //! plan = "plans/functional.toml"     # optional: the plan with which the screen opens, relative to this file
 //!
@@ -93,6 +94,8 @@ pub struct BenchFile {
     pub records: Option<String>,
     /// File of the station's key as written; `None` if the station signs nothing.
     pub key: Option<String>,
+    /// Files of the public keys of other stations whose passes count here, as written.
+    pub trusted_keys: Vec<String>,
     /// The plan with which the screen opens, as written; `None` if the program chooses it.
     pub plan: Option<String>,
     /// The plans that the bench runs, if it does not run any.
@@ -219,11 +222,12 @@ impl BenchFile {
             let shifts = root.within("shift", habits::shifts).unwrap_or_default();
             let numbers = numbers::read(root);
             let plans = pinned::plans(root);
-            let Station { id: station_id, records, key, plan, serial_number } = station;
+            let Station { id: station_id, records, key, trusted_keys, plan, serial_number } = station;
             BenchFile {
                 station_id,
                 records,
                 key,
+                trusted_keys,
                 plan,
                 plans,
                 operator,
@@ -247,6 +251,7 @@ struct Station {
     id: String,
     records: Option<String>,
     key: Option<String>,
+    trusted_keys: Vec<String>,
     plan: Option<String>,
     serial_number: Option<SerialNumberPattern>,
 }
@@ -255,10 +260,12 @@ fn station(table: &TomlTable<'_, '_>) -> Station {
     let id = checked(table, table.required_text("id", "write id = \"line-2\" below [station]"));
     let name = |key| checked(table, table.text(key));
     let serial_number = serial_number::pattern(table, "serial_number", "SN-[0-9]{4}");
+    let trusted_keys = table.texts("trusted_keys").into_iter().filter_map(|written| checked(table, Some(written)));
     Station {
         id: id.unwrap_or_default(),
         records: name("records"),
         key: name("key"),
+        trusted_keys: trusted_keys.collect(),
         plan: name("plan"),
         serial_number,
     }

@@ -76,6 +76,10 @@ pub enum Flaw {
     ClosedLate,
     /// The record is not as it was closed, or its line in the chain was changed.
     Changed,
+    /// The bench has a key, and neither this key nor another one that the bench trusts signed the run and its lines.
+    Unsigned,
+    /// The run is from before the first signed line of the chain, and no such line that the bench trusts covers it.
+    Unwitnessed,
     /// A program played the module.
     Simulated,
     /// A program may have played the board.
@@ -112,6 +116,8 @@ impl Flaw {
             Self::NotInChain => "not in the chain",
             Self::ClosedLate => "closed late",
             Self::Changed => "record was changed",
+            Self::Unsigned => "not signed by a key that this bench trusts",
+            Self::Unwitnessed => "from before the key, and no signed run came after it",
             Self::Simulated => "simulated",
             Self::Unproven => "unproven",
             Self::Rejudged => "re-judged by other limits",
@@ -268,7 +274,8 @@ impl PastRun {
         let hides = |flaw: &Flaw| {
             let unproved = matches!(flaw, Flaw::NotClosed | Flaw::NotInChain | Flaw::ClosedLate);
             let exchanged = matches!(flaw, Flaw::Exchanged | Flaw::ExchangedAfterFailure);
-            unproved || exchanged || matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::Unreadable)
+            let altered = matches!(flaw, Flaw::Missing | Flaw::Changed | Flaw::Unreadable | Flaw::Unsigned);
+            unproved || exchanged || altered
         };
         // Of a run that is gone only the folder's name is known: the second one of a plan in a second ends with a number.
         let rest = self.plan.strip_prefix(plan);
@@ -324,6 +331,18 @@ impl Standing {
     pub fn was_run(&self) -> bool {
         let this_whole = |run: &PastRun| run.plan == self.plan && run.items.is_none();
         self.counts.is_some() || self.beside.as_ref().is_some_and(this_whole)
+    }
+
+    /// What an operator can do so that a run of this plan counts.
+    pub fn try_this(&self) -> &'static str {
+        let has = |flaw| self.beside.iter().any(|run| run.flaws.contains(&flaw));
+        if has(Flaw::Unwitnessed) {
+            "carry out any run with the key of this bench: its signed line covers the runs before it; then try again"
+        } else if has(Flaw::Unsigned) {
+            "run that plan on this module again; if another station of yours carried it out, name its public key in trusted_keys under [station] of the bench file"
+        } else {
+            "run that plan on this module first; the whole plan must pass, on a bench like this one"
+        }
     }
 
     /// Whether there is any run of the module.
@@ -389,8 +408,15 @@ mod tests {
             Standing { plan: "incoming".into(), counts: Some(passed.clone()), beside }.passes_beyond_doubt()
         };
         assert!(gate(None));
-        let hidden =
-            [Flaw::Missing, Flaw::Changed, Flaw::NotClosed, Flaw::NotInChain, Flaw::ClosedLate, Flaw::Unreadable];
+        let hidden = [
+            Flaw::Missing,
+            Flaw::Changed,
+            Flaw::NotClosed,
+            Flaw::NotInChain,
+            Flaw::ClosedLate,
+            Flaw::Unreadable,
+            Flaw::Unsigned,
+        ];
         for flaw in hidden {
             assert!(!gate(Some(nameless("incoming", Some(flaw)))), "{flaw:?}");
             assert!(!gate(Some(nameless("incoming-2", Some(flaw)))), "the second run in a second: {flaw:?}");

@@ -9,8 +9,10 @@ use std::path::PathBuf;
 use chrono::{DateTime, FixedOffset, NaiveDateTime, NaiveTime, TimeDelta};
 use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
+use gnc_executive::standing::{Flaw, Seal};
 
-use crate::store::chain::{self, LateCloses};
+use crate::standing::Seals;
+use crate::store::chain;
 use crate::store::reader::{self, FoundRun};
 
 /// Largest number of runs of one day that are read: more than a socket can test.
@@ -63,15 +65,19 @@ struct WholeRun {
 
 impl WholeRun {
     /// The run, if it is one of this station and of a whole plan. A run whose record was not closed, or was closed late, is
-    /// errored, whatever it says; so is one of which the chain cannot be read.
-    fn of(found: &FoundRun, of: &ShiftOf, late: &mut LateCloses) -> Option<Self> {
+    /// errored, whatever it says; so is one whose record was changed, and one of which the chain cannot be read.
+    fn of(found: &FoundRun, of: &ShiftOf, seals: &mut Seals<'_>) -> Option<Self> {
         let run = found.run.as_ref().ok()?;
         let outcome = run.verdict.of_module()?;
         let counts = run.station == of.station && run.bench.kind == of.kind && run.recomputed.is_none();
         // A run of another module than was scanned is of neither.
         let counts = counts && run.other_module.is_none() && run.bench.kind != BenchKind::Unproven;
-        let is_late = found.sealed && outcome.is_good() && late.of(&found.path).map_or(true, |late| late.is_some());
-        let outcome = if found.sealed && !is_late { outcome } else { Outcome::Errored };
+        let mut is_doubtful = || {
+            let seal = seals.seal(&found.path);
+            seal.map_or(true, |seal| matches!(seal, Seal::Flawed(Flaw::ClosedLate | Flaw::Changed)))
+        };
+        let is_proved = found.sealed && !(outcome.is_good() && is_doubtful());
+        let outcome = if is_proved { outcome } else { Outcome::Errored };
         counts.then(|| Self {
             serial_number: run.serial_number.clone(),
             plan: run.plan.name.clone(),
@@ -185,10 +191,10 @@ impl ShiftBook {
             let Some(next) = day.succ_opt() else { break };
             day = next;
         }
-        let mut late = LateCloses::default();
+        let mut seals = Seals::new(&self.of.records);
         for path in &paths {
             if !self.read.contains_key(path) && !crate::store::goes_on(path) {
-                let run = WholeRun::of(&reader::found(path.clone()), &self.of, &mut late);
+                let run = WholeRun::of(&reader::found(path.clone()), &self.of, &mut seals);
                 self.read.insert(path.clone(), run);
             }
         }
@@ -206,8 +212,8 @@ impl ShiftBook {
 /// Whether a module was judged by a plan before a time.
 fn was_judged(of: &ShiftOf, serial_number: &str, plan: &str, before: DateTime<FixedOffset>) -> bool {
     let earlier = reader::newest_of_module(&of.records, serial_number).take(MAX_EARLIER);
-    let mut late = LateCloses::default();
-    let runs = earlier.filter_map(|path: PathBuf| WholeRun::of(&reader::found(path), of, &mut late));
+    let mut seals = Seals::new(&of.records);
+    let runs = earlier.filter_map(|path: PathBuf| WholeRun::of(&reader::found(path), of, &mut seals));
     runs.into_iter()
         .any(|run| run.serial_number == serial_number && run.plan == plan && run.started < before && run.is_judged())
 }

@@ -6,24 +6,24 @@
 //! for which nothing counts.
 
 mod apart;
+mod seals;
 
-use std::collections::HashMap;
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use chrono::{DateTime, FixedOffset, NaiveDate, NaiveDateTime, TimeDelta};
-use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, OtherModule, PlanInfo};
+use gnc_executive::event::{BenchInfo, BenchKind, EarlierRun, Event, EventKind, OtherModule, PlanInfo};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::{Flaw, PastRun, Question, RunFacts, Seal, Standing};
 use gnc_executive::verdict::Verdict;
 use serde::Deserialize;
 
 use apart::Apart;
+pub use seals::Seals;
 
-use crate::store::chain::{DayLinks, OpenRun};
-use crate::store::digest::{self, FileDigests};
-use crate::store::{self, DIGESTS, JOURNAL, MAX_FIRST_EVENT_BYTES, RECORD, StoreError, chain, name, pending, reader};
+use crate::store::chain::OpenRun;
+use crate::store::{self, JOURNAL, MAX_FIRST_EVENT_BYTES, PublicKey, RECORD, StoreError, chain, name, reader};
 
 /// Most closed runs of a module whose records are opened to find one that counts: more than a socket can make of one
 /// module in a month.
@@ -36,17 +36,17 @@ const MAX_NAMED: usize = 50;
 /// Days around the date of a run: its folder has the date of its place, and the question that of another.
 const DATE_SLACK: TimeDelta = TimeDelta::days(1);
 
-/// The standing of a module.
+/// The standing of a module. With keys a verdict counts if one of them signed its run: see [`Seals::unsigned`].
 ///
 /// # Errors
 /// [`StoreError`]: the records cannot be read, so nothing can be said.
-pub fn read(records: &Path, question: &Question<'_>) -> Result<Standing, StoreError> {
+pub fn read(records: &Path, question: &Question<'_>, keys: &[PublicKey]) -> Result<Standing, StoreError> {
     let mut standing = Standing { plan: question.plan.name().to_owned(), counts: None, beside: None };
     // The first run of a station creates the folder.
     if !records.exists() {
         return Ok(standing);
     }
-    let mut seals = Seals::new(records);
+    let mut seals = Seals::new(records).with_keys(keys);
     let Closed { counted, later, mut missing } = closed(records, question, &mut seals)?;
     missing.extend(gone(records, question, counted.as_ref().map(|(number, ..)| *number), &mut seals)?);
     missing.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
@@ -117,8 +117,8 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
         let facts = if in_time { facts(&folder) } else { None };
         if let Some(facts) = facts.filter(|facts| facts.serial_number == question.serial_number) {
             let flaws = facts.flaws(question);
-            // Digests are compared only where everything else is right.
-            if flaws.is_empty() && seals.seal(&folder)? == Seal::Chained {
+            // Digests and signatures are compared only where everything else is right.
+            if flaws.is_empty() && seals.seal(&folder)? == Seal::Chained && seals.unsigned(&folder)?.is_none() {
                 found.counted = Some((number, folder, PastRun::new(&facts, flaws)));
                 break;
             }
@@ -308,12 +308,18 @@ fn past(folder: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result
         return Ok(None);
     }
     let seal = seals.seal(folder)?;
-    let is_broken = seals.is_broken(folder, seal)?;
-    let kept = match seal {
+    let mut is_broken = seals.is_broken(folder, seal)?;
+    let mut kept = match seal {
         Seal::Chained => None,
         Seal::Flawed(flaw) => Some(flaw),
     };
-    let Some(facts) = facts(folder).or_else(|| begun(folder)) else {
+    let facts = facts(folder).or_else(|| begun(folder));
+    // A simulated bench has no key, and its runs say nothing on a bench that has one.
+    if kept.is_none() && facts.as_ref().is_some_and(|facts| facts.bench != BenchKind::Simulated) {
+        kept = seals.unsigned(folder)?;
+        is_broken |= kept == Some(Flaw::Unsigned);
+    }
+    let Some(facts) = facts else {
         // Nothing tells whose run it is, but it stands among those of this module.
         return Ok(Some(PastRun { is_broken, ..nameless(folder, question, Flaw::Unreadable) }));
     };
@@ -408,112 +414,6 @@ fn begun(folder: &Path) -> Option<RunFacts> {
         exchanged: false,
         has_failed_item: false,
     })
-}
-
-/// How records are kept, by the chains of their days. Each chain is read once.
-#[derive(Debug)]
-pub struct Seals<'a> {
-    records: &'a Path,
-    days: HashMap<String, DayLinks>,
-}
-
-impl<'a> Seals<'a> {
-    /// Nothing is read yet.
-    pub fn new(records: &'a Path) -> Self {
-        Self { records, days: HashMap::new() }
-    }
-
-    /// How the record of a run is kept: its digests against the chain, and `run.json` against the digests.
-    ///
-    /// # Errors
-    /// The chain of its day cannot be read.
-    pub fn seal(&mut self, run: &Path) -> Result<Seal, StoreError> {
-        if !reader::is_sealed(run) {
-            let flaw = if store::goes_on(run) { Flaw::UnderWay } else { Flaw::NotClosed };
-            return Ok(Seal::Flawed(flaw));
-        }
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
-        if self.day(&day)?.find(&name).is_none() {
-            // The run may have been closed since the chain was read. Look whether its station still closes it, and only
-            // then read the chain again.
-            let goes_on = store::goes_on(run);
-            self.days.remove(&day);
-            if self.day(&day)?.find(&name).is_none() {
-                return Ok(Seal::Flawed(if goes_on { Flaw::UnderWay } else { Flaw::NotInChain }));
-            }
-        }
-        let Some(link) = self.day(&day)?.find(&name) else { return Ok(Seal::Flawed(Flaw::NotInChain)) };
-        let sums = digest::of_file(&run.join(DIGESTS));
-        let as_closed = link.is_sound && sums.is_ok_and(|sums| sums == link.digest) && {
-            let promised = FileDigests::read(run).map(|(sums, _)| sums).unwrap_or_default();
-            let is_as_promised = |file: &str| {
-                // Its station may give it its name between the two steps.
-                let look = || digest::of_file(&pending::path(run, file));
-                let found = || look().or_else(|_| look()).ok();
-                match promised.get(file) {
-                    Some(promised) => found().as_deref() == Some(promised),
-                    None => file != RECORD && run.join(file).symlink_metadata().is_err(),
-                }
-            };
-            // A list shows what the journal says, and the standing what the record does.
-            [RECORD, JOURNAL].into_iter().all(is_as_promised)
-        };
-        Ok(match (as_closed, &link.late) {
-            (false, _) => Seal::Flawed(Flaw::Changed),
-            (true, Some(_)) => Seal::Flawed(Flaw::ClosedLate),
-            (true, None) => Seal::Chained,
-        })
-    }
-
-    /// Whether the record of a run is known to be another one than was closed, or began: the chain names it, and its digests are
-    /// others or gone, or its journal begins otherwise.
-    fn is_broken(&mut self, run: &Path, seal: Seal) -> Result<bool, StoreError> {
-        Ok(match seal {
-            Seal::Flawed(Flaw::Changed) => true,
-            Seal::Flawed(Flaw::NotClosed) => self.number(run)?.is_some() || self.began_otherwise(run)?,
-            Seal::Flawed(_) | Seal::Chained => false,
-        })
-    }
-
-    /// Whether the journal of a run is proved to be the one that was closed.
-    fn has_journal_as_closed(&mut self, run: &Path) -> bool {
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
-        let link = self.day(&day).ok().and_then(|day| day.find(&name)).filter(|link| link.is_sound);
-        let has_sums =
-            link.is_some_and(|link| digest::of_file(&run.join(DIGESTS)).is_ok_and(|sums| sums == link.digest));
-        let promised = FileDigests::read(run).ok().and_then(|(sums, _)| sums.get(JOURNAL).map(str::to_owned));
-        has_sums && promised.is_some() && digest::of_file(&run.join(JOURNAL)).ok() == promised
-    }
-
-    /// The place of a run in the order in which runs were closed; `None` if the chain does not name it.
-    fn number(&mut self, run: &Path) -> Result<Option<u64>, StoreError> {
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
-        Ok(self.day(&day)?.find(&name).map(|link| link.number))
-    }
-
-    /// The line of a run that began and was not closed.
-    fn open(&mut self, run: &Path) -> Result<Option<OpenRun>, StoreError> {
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
-        Ok(self.day(&day)?.find_open(&name).cloned())
-    }
-
-    /// Whether a run that is not closed has another journal than when it began.
-    fn began_otherwise(&mut self, run: &Path) -> Result<bool, StoreError> {
-        let open = self.open(run)?;
-        Ok(open.is_some_and(|open| chain::digest_of_first_line(run).map_or(true, |digest| digest != open.digest)))
-    }
-
-    fn day(&mut self, day: &str) -> Result<&DayLinks, StoreError> {
-        if !self.days.contains_key(day) {
-            let links = chain::of_day(self.records, day)?;
-            self.days.insert(day.to_owned(), links);
-        }
-        Ok(self.days.entry(day.to_owned()).or_default())
-    }
 }
 
 #[cfg(test)]

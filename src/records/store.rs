@@ -17,6 +17,7 @@ pub(crate) mod folder;
 pub mod head;
 pub(crate) mod key;
 mod late;
+mod litter;
 pub(crate) mod name;
 mod names;
 pub(crate) mod pending;
@@ -32,7 +33,7 @@ use std::path::{Path, PathBuf};
 use gnc_executive::state::OutOfOrder;
 
 pub(crate) use begun::MAX_FIRST_EVENT_BYTES;
-pub use begun::was_never_begun;
+pub use begun::{may_begin, was_never_begun};
 pub use closing::{goes_on, pretty};
 pub use folder::RunFolder;
 pub use key::{KeyError, PublicKey, StationKey};

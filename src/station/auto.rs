@@ -192,6 +192,7 @@ pub(crate) async fn all_rounds(
         junit,
     };
     let (records, bench) = (equipment.records.clone(), equipment.bench.kind);
+    let trusted_keys = equipment.trusted_keys.clone();
     let done = match service::run(request, equipment, &control, &live, &mut shown).await {
         // Command line, plan and bench are in order; it is this module that cannot be judged now.
         Err(error @ ServiceError::Requires { .. }) => {
@@ -225,7 +226,7 @@ pub(crate) async fn all_rounds(
         speaker.say(&format!("{} rounds: {}", done.verdicts.len(), counts(&done.verdicts)));
     }
     let serial_number = printable(&request.serial_number);
-    match setup::standing(&records, &request.serial_number, &request.plan, bench) {
+    match setup::standing(&records, &request.serial_number, &request.plan, bench, &trusted_keys) {
         Ok(standing) => {
             speaker.say_as_it_is(&format!("{serial_number}: {}", in_language(&standing.to_string(), speaker.lang())));
         }

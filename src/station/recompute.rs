@@ -14,7 +14,7 @@ use gnc_executive::event::{BenchKind, EarlierRun, Event, PlanInfo};
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
 use gnc_files::Reach;
-use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StationKey, StoreError, digest, reader};
+use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StationKey, StoreError, chain, digest, reader};
 use gnc_text::{printable, with_causes};
 
 use crate::progress::Progress;
@@ -104,12 +104,17 @@ fn other(folder: &Path, path: &Path, reach: Reach, key: Option<StationKey>) -> R
         journal_sha256: digest::of_file(&folder.join(JOURNAL))?,
     };
     let plan = plan.plan();
-    let again = again::judge(&run, plan, Some(of))?;
     // A simulated run is never evidence, and is not signed.
     let key = key.filter(|_| run.header.bench.kind != BenchKind::Simulated);
     // A new judgement does not make another station's samples those of this one.
     let is_foreign = key.as_ref().is_some_and(|key| reader::verify_signature(folder, &[key.public()]).is_some());
-    let path = file(folder, plan, &again, key.filter(|_| !is_foreign))?;
+    let key = key.filter(|_| !is_foreign);
+    // Among signed runs one without a signature would be a finding for ever.
+    if key.is_none() && run.header.bench.kind != BenchKind::Simulated && chain::is_signed_beside(folder)? {
+        return Err(if is_foreign { RunError::ForeignKey } else { RunError::NoKey });
+    }
+    let again = again::judge(&run, plan, Some(of))?;
+    let path = file(folder, plan, &again, key)?;
     let mut out = Lines::to_stdout();
     if is_foreign {
         out.say("this key did not sign the run, so the judgement of it is not signed either");

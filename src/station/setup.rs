@@ -20,7 +20,7 @@ use gnc_files::Reach;
 use gnc_link::Target;
 use gnc_link::can::CanTarget;
 use gnc_records::standing;
-use gnc_records::store::{StationKey, StoreError};
+use gnc_records::store::{PublicKey, StationKey, StoreError};
 
 use crate::args::{RunArgs, SimLink};
 use crate::files::{self, ReadFile};
@@ -124,6 +124,8 @@ enum Kind {
 #[derive(Debug, Clone)]
 struct Lines {
     key: Option<StationKey>,
+    /// The key's own public half and those of other stations.
+    trusted_keys: Vec<PublicKey>,
     target: Target,
     can: Option<CanTarget>,
 }
@@ -149,12 +151,13 @@ impl CheckedBench {
     ) -> Result<Setup, CommandRefusal> {
         match &self.kind {
             Kind::Real(lines) => {
-                let Lines { key, target, can } = (**lines).clone();
+                let Lines { key, trusted_keys, target, can } = (**lines).clone();
                 let fixture = operator()?;
                 let equipment = Equipment {
                     station: self.station.clone(),
                     records: self.records.clone(),
                     key,
+                    trusted_keys,
                     bench: self.bench.clone(),
                     target,
                     can,
@@ -170,6 +173,15 @@ impl CheckedBench {
             }
             #[cfg(feature = "sim")]
             Kind::Simulated(module) => module.start(self, serial_number),
+        }
+    }
+
+    /// The keys whose signatures count where a plan requires another one; none on a bench without a key.
+    pub(crate) fn trusted_keys(&self) -> &[PublicKey] {
+        match &self.kind {
+            Kind::Real(lines) => &lines.trusted_keys,
+            #[cfg(feature = "sim")]
+            Kind::Simulated(_) => &[],
         }
     }
 
@@ -264,6 +276,8 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
     // The run looks again: the port may be another one by then.
     let doubt = target.doubt().or_else(|| can.as_ref().and_then(CanTarget::doubt));
     let bench = bench.in_doubt(doubt.map(|doubt| doubt.to_string()));
+    let key = key(&file, path.parent())?;
+    let trusted_keys = trusted_keys(&file, path.parent(), key.as_ref())?;
     Ok(CheckedBench {
         station: station(args, &file),
         records: records(args, &file, path.parent()),
@@ -272,7 +286,7 @@ fn real(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         text: Some(text),
         habits: BenchHabits::of(&file, path.parent()),
         clock_is_right: args.clock_is_right,
-        kind: Kind::Real(Box::new(Lines { key: key(&file, path.parent())?, target, can })),
+        kind: Kind::Real(Box::new(Lines { key, trusted_keys, target, can })),
         serial_number: file.serial_number,
         numbers: file.numbers,
         plans: file.plans,
@@ -309,10 +323,11 @@ pub(crate) fn standing(
     serial_number: &str,
     plan: &CheckedPlan,
     bench: BenchKind,
+    trusted_keys: &[PublicKey],
 ) -> Result<Standing, StoreError> {
     let (info, valid_days) = (plan.info(), plan.plan().valid_days);
     let (plan, now) = (PlanAsked::This(&info), Local::now().fixed_offset());
-    standing::read(records, &Question { serial_number, plan, valid_days, bench, now })
+    standing::read(records, &Question { serial_number, plan, valid_days, bench, now }, trusted_keys)
 }
 
 /// Reads the station's key. Its path is relative to the folder of the bench file.
@@ -322,6 +337,20 @@ pub(crate) fn key(file: &BenchFile, folder: Option<&Path>) -> Result<Option<Stat
     StationKey::read(&path)
         .map(Some)
         .map_err(|error| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this()))
+}
+
+/// The public keys whose signatures count where a plan requires another one: that of the bench and those that its file names. None:
+/// signatures are not looked at.
+fn trusted_keys(
+    file: &BenchFile,
+    folder: Option<&Path>,
+    own: Option<&StationKey>,
+) -> Result<Vec<PublicKey>, CommandRefusal> {
+    let others = file.trusted_keys.iter().map(|key| {
+        let path = folder.unwrap_or_else(|| Path::new("")).join(key);
+        PublicKey::read(&path).map_err(|error| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this()))
+    });
+    own.map(|key| Ok(key.public())).into_iter().chain(others).collect()
 }
 
 /// Returns the records folder. A relative path in a bench file starts at the folder of that file.

@@ -62,6 +62,7 @@ pub(super) fn order(
         station: "campaign".to_owned(),
         records: place.join("records"),
         key: None,
+        trusted_keys: Vec::new(),
         bench: BenchInfo::simulated(case.board.to_owned(), speed, case.bench_seed()),
         target,
         can: Some(can),

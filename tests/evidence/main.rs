@@ -7,6 +7,7 @@
 
 mod attack;
 mod day;
+mod quiet;
 mod rows;
 
 use std::path::{Path, PathBuf};

@@ -18,7 +18,7 @@ pub(crate) struct Row {
     pub(crate) found: [bool; 4],
 }
 
-pub(crate) const ROWS: [Row; 19] = [
+pub(crate) const ROWS: [Row; 21] = [
     Row { what: "A byte of a file of a run is changed", attack: byte, found: [true; 4] },
     Row { what: "A file is removed from a run, or added to it", attack: removed_file, found: [true; 4] },
     Row {
@@ -85,6 +85,16 @@ pub(crate) const ROWS: [Row; 19] = [
         found: [false, true, true, true],
     },
     Row { what: "A file or a folder is replaced by a link to the same content", attack: link, found: [true; 4] },
+    Row {
+        what: "The signature of a run, or that of one of its lines, is taken away",
+        attack: |records| fs::remove_file(records.join(PASSED).join("SHA256SUMS.sig")).expect("a signature"),
+        found: [true; 4],
+    },
+    Row {
+        what: "The signatures of a run and of both of its lines are taken away (a warning names the lines)",
+        attack: all_signatures,
+        found: [false, false, true, false],
+    },
     Row { what: "All is made anew and signed with another key", attack: another_key, found: [false, true, true, true] },
 ];
 
@@ -177,6 +187,8 @@ fn again(records: &Path, anew: bool) {
         return;
     }
     replace(&copied, &[("T-1", "T-9"), ("2026-11-28", "2026-11-29")]);
+    // A signature beside a line that has none would tell of it.
+    fs::remove_file(copied.join("SHA256SUMS.sig")).expect("a signature");
     sums_anew(records).expect("digests");
     let day = fs::read_to_string(records.join("2026-11-28/CHAIN")).expect("a chain");
     let chain = records.join("2026-11-29/CHAIN");
@@ -225,6 +237,16 @@ fn link(records: &Path) {
     fs::create_dir_all(&aside).expect("a folder");
     fs::rename(records.join(PASSED), aside.join("run")).expect("a run");
     std::os::unix::fs::symlink(aside.join("run"), records.join(PASSED)).expect("a link");
+}
+
+fn all_signatures(records: &Path) {
+    fs::remove_file(records.join(FAILED).join("SHA256SUMS.sig")).expect("a signature");
+    let path = records.join("2026-11-28/CHAIN");
+    let chain = fs::read_to_string(&path).expect("a chain");
+    let cut = |line: &str| {
+        if line.contains(FAILED) { line.split(" sig ").next().unwrap_or_default().to_owned() } else { line.to_owned() }
+    };
+    fs::write(path, chain.lines().map(|line| format!("{}\n", cut(line))).collect::<String>()).expect("a chain");
 }
 
 /// Writes the same days again, without the failed run, with another key.

@@ -118,6 +118,7 @@ impl Bench {
             station: "test".to_owned(),
             records: self.records.path().to_owned(),
             key: None,
+            trusted_keys: Vec::new(),
             bench: BenchInfo::simulated("module", "100", 1),
             target: Target::Serial { port: self.port.clone(), rate_baud: self.rate_baud },
             can: None,

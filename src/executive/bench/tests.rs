@@ -7,6 +7,7 @@ fn a_bench_file_is_read() {
 id = "line-2"
 records = "records"
 key = "station.key"
+trusted_keys = ["line-1.key.pub", "line-3.key.pub"]
 [site]
 name = "hall 3"
 latitude = "39.9042 deg"
@@ -21,6 +22,7 @@ rate = "921.6 kbit/s"
     let bench = BenchFile::read("bench.toml", text.into()).unwrap_or_else(|mistakes| panic!("{mistakes}"));
     assert_eq!((bench.station_id.as_str(), bench.records.as_deref()), ("line-2", Some("records")));
     assert_eq!(bench.key.as_deref(), Some("station.key"));
+    assert_eq!(bench.trusted_keys, ["line-1.key.pub", "line-3.key.pub"]);
     let site = bench.site.unwrap();
     assert_eq!(site.place, Some(SitePlace { latitude_deg: 39.9042, longitude_deg: 116.4074, height_m: 44.0 }));
     assert_eq!((site.gravity_mps2, site.field_gauss), (Some(9.80151), Some(0.55)));

@@ -1,5 +1,7 @@
 //! Shifts over midnight and over a jump of the clock, and what counts as a first try.
 
+use std::path::Path;
+
 use super::*;
 
 fn at(text: &str) -> DateTime<FixedOffset> {
@@ -88,7 +90,7 @@ fn an_unproven_run_is_of_no_shift() {
     };
     let counts = |run: &str, of: BenchKind| {
         let of = ShiftOf { records: PathBuf::new(), station: "s".into(), kind: of };
-        WholeRun::of(&found(run), &of, &mut LateCloses::default()).is_some()
+        WholeRun::of(&found(run), &of, &mut Seals::new(Path::new(""))).is_some()
     };
     use BenchKind::{Real, Simulated, Unproven};
     assert!(counts("real", Real) && counts("simulated", Simulated));

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 mod apart;
 mod hidden;
+mod signed;
 
 use super::*;
 use crate::store::chain::LateClose;
@@ -84,7 +85,7 @@ impl Shelf {
 
     fn ask(&self, now: &str, plan: PlanAsked<'_>, bench: BenchKind) -> Standing {
         let question = Question { serial_number: "SN-1", plan, valid_days: 30, bench, now: time(now) };
-        read(self.path(), &question).expect("records")
+        read(self.path(), &question, &[]).expect("records")
     }
 }
 

@@ -4,8 +4,9 @@
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
+use super::chain::has_one_event;
 use super::folder::PART;
-use super::{DIGESTS, JOURNAL, PLAN, digest};
+use super::{DIGESTS, JOURNAL, LOG, PAPERS, PLAN, RECORD, SIGNATURE, StoreError, digest};
 
 /// Longest first event: it names all items of a plan, at most 20,000. A power cut may leave as many zeros in its place.
 pub(crate) const MAX_FIRST_EVENT_BYTES: u64 = 16 << 20;
@@ -14,14 +15,64 @@ pub(crate) const MAX_FIRST_EVENT_BYTES: u64 = 16 << 20;
 /// this is how each run begins.
 #[must_use]
 pub fn was_never_begun(run: &Path) -> bool {
-    let is_before = |file: &PathBuf| {
-        let is_part = file.parent() == Some(Path::new("")) && file.extension().is_some_and(|end| end == PART);
-        file.starts_with(PLAN)
-            || is_part
-            || file == Path::new(JOURNAL) && has_no_event(&run.join(file)).unwrap_or(false)
+    let has_no_event = |journal: &Path| has_no_event(journal).unwrap_or(false);
+    run.join(DIGESTS).symlink_metadata().is_err() && others(run, has_no_event).is_ok_and(|others| others.is_empty())
+}
+
+/// Whether a run's folder holds no more than a station writes before the line of the run's beginning is in the chain: the plan, and a
+/// journal with its first event.
+#[must_use]
+pub fn may_begin(run: &Path) -> bool {
+    let may_have_one = |journal: &Path| {
+        has_no_event(journal).unwrap_or(false)
+            || journal.parent().is_some_and(|run| has_one_event(run).unwrap_or(false))
     };
-    run.join(DIGESTS).symlink_metadata().is_err()
-        && digest::files_below(run).is_ok_and(|files| files.iter().all(is_before))
+    run.join(DIGESTS).symlink_metadata().is_err() && others(run, may_have_one).is_ok_and(|others| others.is_empty())
+}
+
+/// What to say of a folder without an event, record and digests that has other files: `None` of every other folder.
+pub(super) fn strangers(run: &Path) -> Option<String> {
+    let is_missing = |file: &str| {
+        let found = run.join(file).symlink_metadata();
+        found.is_err_and(|error| error.kind() == io::ErrorKind::NotFound)
+    };
+    let is_without_event = || is_missing(JOURNAL) || has_no_event(&run.join(JOURNAL)).unwrap_or(false);
+    if !is_missing(RECORD) || !is_missing(DIGESTS) || !is_without_event() {
+        return None;
+    }
+    let others = others(run, |_| true).ok()?;
+    let first = others.first()?;
+    Some(format!(
+        "no run began here, and {} other files are in its folder, the first is {}: no station writes them there",
+        others.len(),
+        gnc_text::shown_path(first)
+    ))
+}
+
+/// All files but those that a station writes before a run begins.
+fn others(run: &Path, is_journal_of_beginning: impl Fn(&Path) -> bool) -> Result<Vec<PathBuf>, StoreError> {
+    let is_before = |file: &PathBuf| {
+        let is_file = || run.join(file).symlink_metadata().is_ok_and(|meta| meta.is_file());
+        let is_own = is_of_plan(file) || is_part(file) || file == Path::new(JOURNAL);
+        is_own && is_file() && (file != Path::new(JOURNAL) || is_journal_of_beginning(&run.join(file)))
+    };
+    Ok(digest::files_below(run)?.into_iter().filter(|file| !is_before(file)).collect())
+}
+
+/// Whether a file is one of the plan: `plan/01-functional.toml`, or the part of one.
+fn is_of_plan(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let number = name.split_once('-').map(|(number, _)| number);
+    let is_numbered =
+        number.is_some_and(|number| number.len() >= 2 && number.bytes().all(|byte| byte.is_ascii_digit()));
+    file.parent() == Some(Path::new(PLAN)) && is_numbered
+}
+
+/// Whether a file is the part of one that stands in each run.
+fn is_part(file: &Path) -> bool {
+    let written = [JOURNAL, RECORD, LOG, DIGESTS, SIGNATURE].into_iter().chain(PAPERS);
+    let parts = written.map(|name| PathBuf::from(format!("{name}.{PART}")));
+    parts.into_iter().any(|part| part == *file)
 }
 
 /// Whether a journal is empty, or cut off in its first event. A line that lacks only its end is a whole event.

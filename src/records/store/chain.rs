@@ -26,6 +26,7 @@ mod before;
 mod begin;
 mod beginning;
 mod check;
+mod contradictions;
 mod entry;
 mod links;
 mod matching;
@@ -34,6 +35,7 @@ mod order;
 mod places;
 mod read;
 mod signed;
+mod single;
 mod tail;
 mod times;
 
@@ -54,6 +56,8 @@ pub use links::{ChainStanding, LateCloses, standing};
 pub(crate) use links::{DayLinks, OpenRun, of_day};
 pub(in crate::store) use mend::mend;
 pub(crate) use order::by_close;
+pub(crate) use signed::Witnessed;
+pub use single::is_signed_beside;
 
 /// The file of the chain in a day's folder.
 pub(crate) const CHAIN: &str = "CHAIN";

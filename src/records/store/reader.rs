@@ -12,9 +12,10 @@ use gnc_executive::plan::{MAX_PLAN_BYTES, MAX_PLAN_FILES};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
-use super::begun::was_never_begun;
+use super::begun::{self, was_never_begun};
 use super::captured::CapturedFiles;
 use super::digest::FileDigests;
+use super::litter::{self, is_litter};
 use super::{
     DIGESTS, JOURNAL, PLAN, PublicKey, RECORD, SIGNATURE, StoreError, UNASSIGNED, captures, chain, digest, folded,
     goes_on, name, names, on, pending,
@@ -120,6 +121,8 @@ pub struct Verified {
     /// The run has its digests, and files of it wait for their names: its station ended, or could not write, between the two. What is
     /// missing, a sentence; the next start does it.
     pub unnamed: Option<String>,
+    /// All files that the station wrote are as they were, and the problems are files that a file manager may have added.
+    pub only_litter: bool,
 }
 
 /// A run found in the records folder.
@@ -499,7 +502,7 @@ pub(super) fn open_journal(path: &Path) -> Result<impl BufRead + use<>, ReadErro
 /// run of a later version this cannot be confirmed.
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
-    let Verified { mut problems, newer, running, never_begun, incomplete, unnamed } = check(folder);
+    let Verified { mut problems, newer, running, never_begun, incomplete, unnamed, only_litter: _ } = check(folder);
     problems.extend(incomplete);
     problems.extend(unnamed);
     problems.extend(newer.map(|newer| newer.to_string()));
@@ -570,7 +573,13 @@ pub fn verify_signature(folder: &Path, keys: &[PublicKey]) -> Option<String> {
         _ if keys.is_empty() => None,
         (Ok(digests), Ok(signature)) if keys.iter().any(|key| key.signed(&digests, &signature)) => None,
         (Ok(_), Ok(_)) => Some(format!("{SIGNATURE} is not the signature of {DIGESTS} with this key")),
-        (Ok(_), Err(_)) => Some(format!("{SIGNATURE} is missing: the run is not signed")),
+        (Ok(_), Err(error)) if error.kind() == io::ErrorKind::NotFound => {
+            Some(format!("{SIGNATURE} is missing: the run is not signed"))
+        }
+        (Ok(_), Err(source)) => {
+            let error = StoreError::File { what: "read", path: folder.join(SIGNATURE), source };
+            Some(gnc_text::with_causes(&error))
+        }
         // `verify` reports missing digests.
         (Err(_), _) => None,
     }
@@ -599,8 +608,11 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
         Ok(state) => (Some(state), None),
         Err(error) if error.is_newer() => (None, Some(error)),
         Err(ReadError::NeverBegun) => return Ok(Verified { never_begun: true, ..Verified::default() }),
-        Err(error) => return only(gnc_text::with_causes(&error)),
+        Err(error) => return only(begun::strangers(folder).unwrap_or_else(|| gnc_text::with_causes(&error))),
     };
+    if let Some(strangers) = begun::strangers(folder) {
+        return only(strangers);
+    }
     // The next start seals an interrupted run.
     if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted() && !path.exists()) {
         return incomplete(
@@ -659,6 +671,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
         let copies: Option<Vec<_>> = promised.iter().map(|(file, digest)| is_copy(file, digest)).collect();
         renamed = copies.and_then(|copies| copies.first().cloned());
     }
+    let mut only_litter = false;
     match renamed {
         Some((was, is)) => problems.push(format!(
             "{} files have other names, {} is {}: the run was copied to a file system that changes names",
@@ -668,7 +681,14 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
         )),
         None => {
             // What no station wrote is no part of the run, whoever closes it.
-            problems.extend(added.iter().filter(|_| !is_ours).map(|file| was_added(file)));
+            if is_ours {
+                added.clear();
+            }
+            only_litter = problems.is_empty()
+                && promised.is_empty()
+                && !added.is_empty()
+                && added.iter().all(|file| is_litter(file));
+            problems.extend(added.iter().map(|file| litter::added(file, only_litter)));
             problems.extend(promised.keys().map(|file| format!("{} is missing", gnc_text::shown_path(file))));
         }
     }
@@ -680,16 +700,19 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
         }
         let record = pending::path(folder, RECORD);
         let within = record.strip_prefix(folder).unwrap_or(&record);
-        let stored = gnc_files::read_below(folder, within, MAX_RECORD_BYTES).ok();
-        let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
+        let stored = gnc_files::read_below(folder, within, MAX_RECORD_BYTES);
+        // That it cannot be read was said with its digest.
+        let is_unread = stored.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::PermissionDenied);
+        let stored = stored.ok().and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
         let is_same = stored
             .zip(RunRecord::of_folded(state))
             .is_some_and(|(stored, folded)| folded.closed_like(&stored) == stored);
-        if !is_same {
+        if !is_same && !is_unread {
             problems.push(format!("{RECORD} does not say what {JOURNAL} says"));
         }
     }
-    Ok(Verified { problems, newer, unnamed, ..Verified::default() })
+    only_litter &= problems.len() == added.len();
+    Ok(Verified { problems, newer, unnamed, only_litter, ..Verified::default() })
 }
 
 fn folders(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {

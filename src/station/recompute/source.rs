@@ -28,6 +28,14 @@ pub(super) enum RunError {
     Unfit { what: String },
     #[error("the record is not as it was written")]
     NotAsWritten,
+    #[error(
+        "the runs beside it are signed, and there is no key: a judgement without a signature would be a finding of `records verify --key` for ever"
+    )]
+    NoKey,
+    #[error(
+        "this key did not sign the run, and runs beside it are signed: a judgement without a signature would be a finding of `records verify --key` for ever"
+    )]
+    ForeignKey,
     #[error(transparent)]
     Part(#[from] PartNotNamed),
     #[error(transparent)]
@@ -47,6 +55,10 @@ impl RunError {
             Self::OtherPlan => "restore the run's folder from a backup",
             Self::Plan { .. } => "",
             Self::NotAsWritten => "restore the changed files from a backup",
+            Self::NoKey => "give the bench file with --bench FILE, or the station's private key with --key FILE",
+            Self::ForeignKey => {
+                "give the private key of the station that carried it out with --key FILE; or copy the run into a records folder of its own, DIR/DATE/NUMBER/RUN, and judge it there"
+            }
             Self::Unfit { .. } => "give a plan with the same items under the same names; limits may differ",
             Self::Part(error) => error.try_this(),
             Self::Captures(error) => error.source.try_this(),

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use gnc_records::store::{KeyError, StationKey};
+use gnc_records::store::{KeyError, PublicKey, StationKey};
 
 use crate::files;
 use crate::refusal::CommandRefusal;
@@ -63,6 +63,15 @@ impl RecordsArgs {
             return Ok(None);
         };
         key(&files::bench(bench)?, bench.parent())
+    }
+
+    /// The public half of the key that the bench file names, if it is there: what could check signatures.
+    pub(super) fn public_key(&self) -> Option<PathBuf> {
+        let bench = self.bench.clone().unwrap_or_else(|| BENCH_FILE.into());
+        let key = files::bench(&bench).ok()?.key?;
+        let mut public = bench.parent().unwrap_or_else(|| Path::new("")).join(key).into_os_string();
+        public.push(".pub");
+        Some(PathBuf::from(public)).filter(|public| PublicKey::read(public).is_ok())
     }
 
     fn place(&self) -> Result<RecordsPlace, CommandRefusal> {

@@ -1,11 +1,13 @@
 //! `gnc-station records verify`: compares runs with their digests, their journals and the chain.
 
+use std::collections::HashSet;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use gnc_records::store::PublicKey;
 use gnc_records::store::chain::{Against, ChainBook, ChainCheck, Head, LateCloses, Place, verify_against};
 use gnc_records::store::reader::{self, ReadError, Verified};
+use gnc_records::store::{DIGESTS, PublicKey, may_begin};
 use gnc_text::printable;
 
 use super::{RecordsArgs, no_such, resolve_in, store_refusal};
@@ -35,7 +37,8 @@ pub(super) fn run(
     };
     let keys = keys.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let copies = counters.iter().map(|file| copy_of_counter(file));
-    let papers = heads.iter().map(|text| head(text, "--head"));
+    // A person types it from paper.
+    let papers = heads.iter().map(|text| head(&text.to_ascii_lowercase(), "--head"));
     let heads = copies.chain(papers).collect::<Result<Vec<_>, _>>()?;
     verify(records, runs, &Against { keys: &keys, heads: &heads })
 }
@@ -82,21 +85,25 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     let mut out = Lines::to_stdout();
     let progress = Progress::begin("runs are compared with what was written");
     let all = if runs.is_empty() { Some(records.find()?) } else { None };
+    let mut named: Vec<ChainCheck> = Vec::new();
     let folders = match &all {
         Some(place) => reader::paths(&place.path).map_err(|error| store_refusal(&error))?,
         None => {
             let mut folders = Vec::new();
             for run in runs {
-                let (named, place) = resolve_in(records, run)?;
-                if named.is_empty() {
+                let (found, place) = resolve_in(records, run)?;
+                let told = place.as_ref().and_then(|place| of_named(&place.path, run));
+                if found.is_empty() && told.is_none() {
                     return Ok(no_such(run, place.as_ref()));
                 }
-                folders.extend(named);
+                folders.extend(found);
+                named.extend(told);
             }
             folders
         }
     };
     let (mut bad, mut newer, mut running, mut never_begun, mut incomplete) = (0, 0, 0, 0, 0);
+    let mut littered = 0;
     let mut late_closes = LateCloses::default();
     let mut books = Books::default();
     // The whole chain is told behind the runs.
@@ -115,7 +122,8 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         progress.step(1);
         let mut found = reader::check(folder);
         let place = gnc_text::shown_path(folder);
-        if let Some(what) = against_the_chain(folder, &found, &mut books) {
+        let against_it = against_the_chain(folder, &found, &mut books);
+        if let Some(what) = against_it.or_else(|| planted(folder, &found, &mut books)) {
             bad += 1;
             out.say_of(&place.to_string(), printable(&what));
             continue;
@@ -135,6 +143,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             out.say_of(&place.to_string(), printable(&what));
             continue;
         }
+        let of_folder = found.problems.len();
         let mut unsigned = None;
         let mut began_signed = false;
         let mut broke_off = None;
@@ -184,11 +193,21 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             out.say_of(&place.to_string(), printable(problem));
         }
         bad += usize::from(!whole);
+        littered += usize::from(found.only_litter && found.problems.len() == of_folder);
         newer += usize::from(whole && found.newer.is_some());
     }
     drop(progress);
     let ended = folders.len() - running - never_begun;
     let whole = ended - bad - newer - incomplete;
+    if let (Some(place), Some(checked)) = (&all, &chain)
+        && ended + running == 0
+        && checked.is_of_nothing()
+    {
+        return Ok(refuse(
+            format_args!("there is no run to verify in {}", gnc_text::shown_path(&place.path)),
+            "name the folder with --records DIR, or the bench file that names it with --bench FILE",
+        ));
+    }
     out.say(format_args!("{whole} of {ended} runs are as written"));
     if let Some(checked) = &chain {
         bad += along_the_chain(checked, &mut out);
@@ -198,6 +217,31 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             bad += 1;
             out.say_of(&out.wording.text("chain"), printable(&problem));
         }
+    }
+    let mut told = HashSet::new();
+    for checked in &named {
+        for what in checked.incomplete.iter().chain(&checked.problems).filter(|what| told.insert(what.as_str())) {
+            out.say_of(&out.wording.text("chain"), printable(what));
+        }
+        bad += checked.problems.len();
+        incomplete += checked.incomplete.len();
+    }
+    let signed = chain.as_ref().map_or(0, |checked| checked.signed);
+    if signed > 0 && against.keys.is_empty() {
+        match records.public_key() {
+            Some(key) => out.say(format_args!(
+                "{signed} lines of the chain are signed, and no signature was checked: `--key {}` does it",
+                gnc_text::shown_path(&key)
+            )),
+            None => out.say(format_args!(
+                "{signed} lines of the chain are signed, and no signature was checked: give the public key with --key FILE"
+            )),
+        }
+    }
+    if bad > 0 && bad == littered {
+        let try_this = "remove them, and verify again; keep file managers away from the folder, or work on a copy";
+        complain("files were added that no station writes; all files that a station wrote are as they were", try_this);
+        return Ok(ExitCode::from(NOT_AS_WRITTEN));
     }
     if bad > 0 {
         let try_this = "test the module of an interrupted run again; restore changed files from a backup";
@@ -224,10 +268,38 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     Ok(ExitCode::SUCCESS)
 }
 
+/// What the chain says of a module or a run that the user named, beside the folders that are there.
+fn of_named(records: &Path, named: &Path) -> Option<ChainCheck> {
+    // Runs are looked up by their whole paths.
+    let path = std::path::absolute(records).ok()?;
+    let name = std::path::absolute(named).ok().and_then(|whole| Some(whole.strip_prefix(&path).ok()?.to_owned()));
+    let name = name.unwrap_or_else(|| named.to_owned());
+    ChainBook::read(&path).ok()?.of_named(name.to_str()?.trim_end_matches('/'))
+}
+
+/// What the chain says against a run whose folder is held: a run that began has its line before it holds more than its beginning. The chain
+/// is read again, since a station may have begun the run meanwhile.
+fn planted(run: &Path, found: &Verified, books: &mut Books) -> Option<String> {
+    if !found.running || may_begin(run) {
+        return None;
+    }
+    let look = |books: &mut Books| books.of(run).and_then(|(run, book)| book.lacks_beginning(&run));
+    look(books)?;
+    books.book = None;
+    look(books)
+}
+
 /// What the chain says against a run that seems to go on, to be closed by the next start, or never to have begun: it names the run as one
 /// that was closed, or that began with another journal. The run is looked at again, since a station may have begun or closed it meanwhile.
 fn against_the_chain(run: &Path, found: &Verified, books: &mut Books) -> Option<String> {
-    let is_open = |found: &Verified| found.running || found.never_begun || found.incomplete.is_some();
+    // It has no digests, though something else may be wrong with it as well.
+    let is_unsealed = || {
+        let digests = run.join(DIGESTS).symlink_metadata();
+        digests.is_err_and(|error| error.kind() == io::ErrorKind::NotFound)
+    };
+    let is_open = |found: &Verified| {
+        found.running || found.never_begun || found.incomplete.is_some() || !found.problems.is_empty() && is_unsealed()
+    };
     if !is_open(found) {
         return None;
     }
@@ -238,7 +310,7 @@ fn against_the_chain(run: &Path, found: &Verified, books: &mut Books) -> Option<
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.
 fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) -> usize {
-    let ChainCheck { runs, first, problems, incomplete, notes, late } = checked;
+    let ChainCheck { runs, first, problems, incomplete, notes, late, signed: _ } = checked;
     if problems.is_empty() && incomplete.is_empty() && *runs > 0 {
         let elsewhere = if *first > 1 {
             format!(" from run {first} on; earlier runs are not in this folder")

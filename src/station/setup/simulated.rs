@@ -146,6 +146,7 @@ impl SimulatedModule {
             records: checked.records.clone(),
             // A simulated run is never evidence, and needs no signature.
             key: None,
+            trusted_keys: Vec::new(),
             bench: BenchInfo { port, rate_bps, ..checked.bench.clone() },
             target,
             can: Some(can),

@@ -335,6 +335,7 @@ pub(crate) struct Texts {
     pub search: &'static str,
     pub interrupted: &'static str,
     pub unsealed: &'static str,
+    pub changed_record: &'static str,
     pub unreadable: &'static str,
     pub newer: &'static str,
     pub written_by_newer: &'static str,

@@ -29,6 +29,8 @@ pub(crate) enum RunMark {
     Ended(Verdict),
     /// The run ended so, and its folder was closed by a later start of a station: it never counts as a pass.
     Late(Verdict),
+    /// The run ended so, and its record is not as it was closed.
+    Changed,
     /// The run has no end.
     Interrupted,
     /// Its folder was not closed.
@@ -45,6 +47,7 @@ impl RunMark {
         match self {
             Self::Ended(verdict) | Self::Late(verdict) => texts.word_of(verdict),
             Self::Interrupted => texts.interrupted,
+            Self::Changed => texts.changed_record,
             Self::Unsealed => texts.unsealed,
             Self::Unreadable => texts.unreadable,
             Self::Newer => texts.newer,

@@ -2,6 +2,7 @@
 //! copy of `COUNTER`, with the number on the last paper, and with the public key. The attacker may write everything but the key.
 
 mod forge;
+mod quiet;
 mod shelf;
 
 use std::fs;

@@ -1,13 +1,13 @@
 //! Checks the chain from the first line to the last.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::append::lock;
 use super::before::day_and_time;
 use super::entry::{ChainEntry, Place};
 use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
-use super::{COUNTER, NOTHING, matching, places, signed, times};
+use super::{COUNTER, NOTHING, begin, contradictions, matching, places, signed, times};
 use crate::store::{DIGESTS, PublicKey, StoreError, goes_on, reader};
 
 /// What the chain is compared with.
@@ -43,6 +43,16 @@ pub struct ChainCheck {
     pub notes: Vec<String>,
     /// Runs in the chain that were closed late.
     pub late: usize,
+    /// Lines with a signature.
+    pub signed: usize,
+}
+
+impl ChainCheck {
+    /// Whether nothing was checked: there is no line, and nothing speaks of one.
+    #[must_use]
+    pub fn is_of_nothing(&self) -> bool {
+        self.first == 0 && self.problems.is_empty() && self.incomplete.is_empty()
+    }
 }
 
 /// All lines of a records folder.
@@ -59,9 +69,11 @@ pub struct ChainBook {
     pub(super) begins: HashMap<String, usize>,
     pub(super) counted: Option<Place>,
     /// What cannot be read, or stands in the wrong place.
-    broken: Vec<String>,
+    pub(super) broken: Vec<String>,
     /// What a sudden end left of chains and counter.
     torn: Vec<String>,
+    /// Days whose chain cannot be read: what it says is not known.
+    unread: HashSet<String>,
 }
 
 /// Checks the chain from the first line to the last.
@@ -91,6 +103,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
         problems: strays,
         incomplete: book.torn.clone(),
         notes: Vec::new(),
+        signed: 0,
     };
     checked.problems.extend(book.broken.iter().cloned());
     book.order(&mut checked.problems);
@@ -101,6 +114,10 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     checked.problems.extend(book.unlike(against.heads));
     times::check(&book, &mut checked.notes);
     signed::check(&book, against, &mut checked);
+    contradictions::check(&book, &book.lines.iter().collect::<Vec<_>>(), &mut checked.problems);
+    if against.keys.is_empty() {
+        checked.notes.extend(contradictions::between_signed(&book));
+    }
     Ok((checked, book))
 }
 
@@ -113,9 +130,19 @@ impl ChainBook {
         let mut book = Self { records: records.to_owned(), ..Self::default() };
         for day in reader::day_names(records)? {
             match chain_of(records, &day) {
-                Err(error) => book.broken.push(gnc_text::with_causes(&error)),
+                Err(error) => {
+                    book.broken.push(gnc_text::with_causes(&error));
+                    book.unread.insert(day);
+                }
                 Ok(None) => {}
                 Ok(Some(chain)) => {
+                    if !chain.edited.is_empty() {
+                        book.broken.push(format!(
+                            "{}: {} lines are as they were written but for their ends: an editor saved the file; restore it from a backup",
+                            gnc_text::shown_path(&chain.path),
+                            chain.edited.len()
+                        ));
+                    }
                     if chain.broken > 0 {
                         book.broken.push(format!(
                             "{}: {} lines do not belong to a chain",
@@ -128,11 +155,12 @@ impl ChainBook {
                             "the chain of {day} ends with half a line: its station ended, or could not write; the next start removes it"
                         ));
                     }
-                    for line in chain.lines.iter().filter(|line| line.day() != day) {
+                    let lines: Vec<ChainEntry> = chain.lines.into_iter().chain(chain.edited).collect();
+                    for line in lines.iter().filter(|line| line.day() != day) {
                         book.broken
                             .push(format!("run {} ({}): its line stands in the chain of {day}", line.number, line.run));
                     }
-                    book.lines.extend(chain.lines);
+                    book.lines.extend(lines);
                 }
             }
         }
@@ -184,6 +212,29 @@ impl ChainBook {
         matching::unlike_its_beginning(self, began)
     }
 
+    /// What is wrong with a run whose folder is held as a station holds it: no line says that it began, and a station writes that line
+    /// before anything is tested. The caller has seen that the run holds more than its beginning, before this book was read.
+    #[must_use]
+    pub fn lacks_beginning(&self, run: &Path) -> Option<String> {
+        let name = name_in(&self.records, run);
+        (!self.has_begun(&name)).then(|| {
+            format!(
+                "{name} is held as a run that goes on, and no line of the chain says that it began: it was put there"
+            )
+        })
+    }
+
+    /// Whether a line says that a run began, under its name or the one under which it was moved.
+    fn has_begun(&self, name: &str) -> bool {
+        let run = self.records.join(name);
+        let is_moved = || {
+            let digest = begin::of_first_line(&self.records, &run);
+            let begins = self.lines.iter().filter(|line| !line.is_close() && line.day() == day_and_time(name).0);
+            digest.is_ok_and(|digest| begins.map(|line| &line.digest).any(|of_line| *of_line == digest))
+        };
+        self.begins.contains_key(name) || reader::is_unassigned(&run) && is_moved()
+    }
+
     /// The line of a closed run.
     pub(super) fn close_of(&self, run: &str) -> Option<&ChainEntry> {
         self.lines.get(*self.closes.get(run)?)
@@ -195,7 +246,7 @@ impl ChainBook {
     }
 
     /// Whether each line follows from the one before.
-    fn order(&self, problems: &mut Vec<String>) {
+    pub(super) fn order(&self, problems: &mut Vec<String>) {
         if let Some(first) = self.lines.first()
             && first.number <= 1
             && (first.number == 0 || first.before != NOTHING)
@@ -207,7 +258,13 @@ impl ChainBook {
         }
         for pair in self.lines.windows(2) {
             let (before, after) = (&pair[0], &pair[1]);
-            if Some(after.number) != before.number.checked_add(1) || after.before != before.link {
+            let next = before.number.saturating_add(1);
+            if after.number > next {
+                // They may stand in a chain that cannot be read, which is said.
+                if self.unread.is_empty() {
+                    problems.push(missing_between(before, after));
+                }
+            } else if after.number != next || after.before != before.link {
                 problems.push(format!(
                     "the chain is broken between run {} ({}) and run {} ({})",
                     before.number, before.run, after.number, after.run
@@ -221,6 +278,10 @@ impl ChainBook {
     fn beginning(&self, against: &Against<'_>, problems: &mut Vec<String>) {
         let asks = !against.keys.is_empty() || !against.heads.is_empty();
         let Some(first) = self.lines.first().filter(|first| asks && first.number > 1) else { return };
+        // They may stand in a chain that cannot be read, which is said.
+        if !self.unread.is_empty() {
+            return;
+        }
         if !against.heads.iter().any(|head| is_before(first, &head.place)) {
             problems.push(format!(
                 "the chain begins at line {} ({}), and nothing witnesses line {} before it: the oldest runs are missing; if they were moved elsewhere, give number and link of that line with --head",
@@ -233,7 +294,7 @@ impl ChainBook {
 
     /// Reports closed runs without a line. Versions before the chain wrote none, so runs that are older than the first line have
     /// none, and nothing shows when they were added.
-    fn without_line(&self, closed: &[String], has_key: bool, checked: &mut ChainCheck) {
+    fn without_line(&self, closed: &[(String, bool)], has_key: bool, checked: &mut ChainCheck) {
         if self.is_empty() {
             if !closed.is_empty() {
                 checked.problems.push(format!(
@@ -245,12 +306,16 @@ impl ChainBook {
         }
         // Also on the day of the first line a run may be from before it.
         let first = self.lines.first().map(|line| day_and_time(&line.run)).unwrap_or_default();
+        let is_known = |name: &String| self.closes.contains_key(name) || self.unread.contains(day_and_time(name).0);
         let (later, before): (Vec<_>, Vec<_>) =
-            closed.iter().filter(|name| !self.closes.contains_key(*name)).partition(|name| day_and_time(name) >= first);
-        for name in later {
+            closed.iter().filter(|(name, _)| !is_known(name)).partition(|(name, _)| day_and_time(name) >= first);
+        for (name, is_held) in later {
             // A run that was slipped in has no line of its beginning.
-            if self.begins.contains_key(name) {
-                checked.incomplete.push(closing_broke_off(name));
+            if self.has_begun(name) {
+                // Or its station closed it when it was looked at.
+                if !*is_held {
+                    checked.incomplete.push(closing_broke_off(name));
+                }
                 continue;
             }
             checked.problems.push(format!(
@@ -258,12 +323,12 @@ impl ChainBook {
             ));
         }
         if has_key {
-            checked.problems.extend(before.iter().map(|name| {
+            checked.problems.extend(before.iter().map(|(name, _)| {
                 format!(
                     "{name} is not in the chain and is older than its first line: a version before the chain wrote it, or it was slipped in"
                 )
             }));
-        } else if let Some(first) = before.first() {
+        } else if let Some((first, _)) = before.first() {
             checked.notes.push(format!(
                 "{} closed runs are older than the first line of the chain, so nothing shows when they were added; the first is {first}",
                 before.len()
@@ -272,17 +337,19 @@ impl ChainBook {
     }
 
     /// Compares the end of the chain with the counter.
-    fn counter(&self, checked: &mut ChainCheck) {
+    pub(super) fn counter(&self, checked: &mut ChainCheck) {
         let last = self.lines.last();
         let Some(counted) = &self.counted else {
             // What is there and cannot be read was said.
-            if last.is_some() && !self.records.join(COUNTER).exists() {
+            if last.is_some() && self.records.join(COUNTER).try_exists().is_ok_and(|exists| !exists) {
                 checked.problems.push(format!("{COUNTER} is missing, so the number of runs is not known"));
             }
             return;
         };
         let ends = last.map_or(0, |last| last.number);
-        if ends < counted.number {
+        if ends < counted.number && !self.unread.is_empty() {
+            // Its line may stand in a chain that cannot be read, which is said.
+        } else if ends < counted.number {
             checked.problems.push(format!(
                 "{COUNTER} counts {} lines, but the chain ends at line {ends}: the newest runs are missing",
                 counted.number
@@ -311,89 +378,36 @@ impl ChainBook {
                 Some(_) => problems.push(format!(
                     "line {number} of the chain is not the one that {kept} witnesses: the chain was made anew"
                 )),
+                // It may stand in a chain that cannot be read, which is said.
+                None if !self.unread.is_empty() => {}
                 // The days up to this line were moved elsewhere, and the rest follows from it.
                 None if self.lines.first().is_some_and(|first| is_before(first, place)) => {}
                 None if number > last => problems.push(format!(
                     "{kept} witnesses line {number}, but the chain ends at line {last}: the newest runs are missing"
                 )),
-                None => problems.push(format!(
+                None if number < first => problems.push(format!(
                     "{kept} witnesses line {number}, which is not in this folder: the chain begins at line {first}"
                 )),
+                None => problems
+                    .push(format!("{kept} witnesses line {number}, which is missing among the lines of the chain")),
             }
         }
         problems
     }
+}
 
-    /// What is wrong with the lines of one closed run: their links, their neighbours, their signatures, and what they say of the
-    /// folder; and whether the chain leads from its lines to what was kept elsewhere. Of a folder without a chain nothing is said.
-    #[must_use]
-    pub fn of_run(&self, run: &Path, against: &Against<'_>) -> Vec<String> {
-        let mut problems = Vec::new();
-        if self.is_empty() {
-            return problems;
-        }
-        problems.extend(self.broken.iter().cloned());
-        let name = name_in(&self.records, run);
-        let Some(close) = self.close_of(&name) else {
-            problems.push(format!(
-                "{name} is not in the chain: its station ended, or could not write, before that and closes it late at its next start, or it was slipped in"
-            ));
-            return problems;
-        };
-        let began = close.began_as().to_owned();
-        let own: Vec<&ChainEntry> =
-            self.lines.iter().filter(|line| line.run == name || !line.is_close() && line.run == began).collect();
-        matching::check_lines(self, &own, &mut problems);
-        let by_number: HashMap<u64, &ChainEntry> = self.lines.iter().map(|line| (line.number, line)).collect();
-        let first = self.lines.first().map_or(0, |line| line.number);
-        for line in &own {
-            let before = line.number.checked_sub(1).and_then(|number| by_number.get(&number));
-            let is_linked = match before {
-                Some(before) => before.link == line.before,
-                None => line.number == first && (line.number > 1 || line.before == NOTHING),
-            };
-            let after = line.number.checked_add(1).and_then(|number| by_number.get(&number));
-            let follows = match (after, &self.counted) {
-                (Some(after), _) => after.before == line.link,
-                (None, Some(counted)) if counted.number == line.number => counted.link == line.link,
-                (None, counted) => counted.as_ref().is_none_or(|counted| counted.number < line.number),
-            };
-            if !is_linked || !follows {
-                problems.push(format!("run {} ({}): the chain is broken beside its line", line.number, line.run));
-            }
-        }
-        if let Some(line) = own.first() {
-            problems.extend(against.heads.iter().filter_map(|head| self.gap(line, head, &by_number)));
-        }
-        signed::check_lines(self, &own, against.keys, &mut problems);
-        problems
-    }
-
-    /// Where the lines from one to what was kept elsewhere do not follow from one another, so that it witnesses nothing of that one.
-    /// A line that is missing, or another than was kept, is said by [`Self::unlike`].
-    fn gap(&self, from: &ChainEntry, head: &Head, by_number: &HashMap<u64, &ChainEntry>) -> Option<String> {
-        let Head { kept, place } = head;
-        by_number.get(&place.number)?;
-        let between = self.lines.iter().filter(|line| (from.number..=place.number).contains(&line.number));
-        let mut before: Option<&ChainEntry> = None;
-        for line in between {
-            let follows = before
-                .is_none_or(|before| Some(line.number) == before.number.checked_add(1) && line.before == before.link);
-            if !line.is_true() || !follows {
-                return Some(format!(
-                    "{kept} does not witness run {} ({}): the chain is broken at line {} between the two",
-                    from.number, from.run, line.number
-                ));
-            }
-            before = Some(line);
-        }
-        None
-    }
-
-    /// Why a closed run has no signature, if that is no change.
-    #[must_use]
-    pub fn why_unsigned(&self, run: &Path) -> Option<&'static str> {
-        signed::why_unsigned(self, &name_in(&self.records, run))
+/// What to say of lines that are missing between two others.
+fn missing_between(before: &ChainEntry, after: &ChainEntry) -> String {
+    let (first, last) = (before.number.saturating_add(1), after.number.saturating_sub(1));
+    let ((one, run), (other, its_run)) = ((before.number, &before.run), (after.number, &after.run));
+    if first == last {
+        format!(
+            "line {first} of the chain is missing, between run {one} ({run}) and run {other} ({its_run}): a day was moved away, or the line was removed"
+        )
+    } else {
+        format!(
+            "lines {first} to {last} of the chain are missing, between run {one} ({run}) and run {other} ({its_run}): a day was moved away, or lines were removed"
+        )
     }
 }
 
@@ -414,8 +428,8 @@ fn is_blank(records: &Path) -> bool {
     bytes.is_ok_and(|bytes| bytes.iter().all(|byte| *byte == 0 || byte.is_ascii_whitespace()))
 }
 
-/// `DATE/SERIAL/TIME-PLAN` of all closed runs; of those that a station is closing now, none.
-fn closed(records: &Path) -> Result<Vec<String>, StoreError> {
-    let closed = reader::paths(records)?.into_iter().filter(|run| reader::is_sealed(run) && !goes_on(run));
-    Ok(closed.map(|run| name_in(records, &run)).collect())
+/// `DATE/SERIAL/TIME-PLAN` of all runs with digests, each with whether its folder is held: a station may be closing it.
+fn closed(records: &Path) -> Result<Vec<(String, bool)>, StoreError> {
+    let closed = reader::paths(records)?.into_iter().filter(|run| reader::is_sealed(run));
+    Ok(closed.map(|run| (name_in(records, &run), goes_on(&run))).collect())
 }

@@ -181,6 +181,11 @@ impl ChainEntry {
         self.from.as_ref().unwrap_or(&self.run)
     }
 
+    /// The station that wrote it; lines of earlier versions do not say it.
+    pub(super) fn station(&self) -> Option<&str> {
+        self.stamp.as_ref().map(|stamp| stamp.station.as_str())
+    }
+
     /// The day in whose folder the run stands.
     pub(super) fn day(&self) -> &str {
         self.run.split('/').next().unwrap_or_default()
@@ -257,14 +262,23 @@ impl ChainEntry {
     }
 
     fn signed_text(&self) -> String {
-        format!("{SIGNED}{}", self.link)
+        signed_text(&self.link)
     }
 
     /// Whether one of the keys signed the line. `None`: it has no signature.
     pub(super) fn is_signed_by(&self, keys: &[PublicKey]) -> Option<bool> {
-        let signature = bytes(self.signature.as_ref()?);
-        Some(signature.is_some_and(|bytes| keys.iter().any(|key| key.signed(self.signed_text().as_bytes(), &bytes))))
+        Some(is_signed_by(&self.link, self.signature.as_ref()?, keys))
     }
+}
+
+fn signed_text(link: &str) -> String {
+    format!("{SIGNED}{link}")
+}
+
+/// Whether a signature, as hexadecimal digits, is that of the line with this link by one of the keys.
+pub(super) fn is_signed_by(link: &str, signature: &str, keys: &[PublicKey]) -> bool {
+    let is_by = |bytes: Vec<u8>| keys.iter().any(|key| key.signed(signed_text(link).as_bytes(), &bytes));
+    bytes(signature).is_some_and(is_by)
 }
 
 /// The bytes of hexadecimal digits.

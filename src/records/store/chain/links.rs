@@ -1,12 +1,39 @@
 //! What the chain says of single runs.
 
 use std::collections::HashMap;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use super::entry::{ChainEntry, LateClose};
+use super::entry::{ChainEntry, LateClose, is_signed_by};
 use super::read::{chain_of, chains, counter, name_in};
 use super::{CHAIN, COUNTER};
-use crate::store::{DIGESTS, StoreError, digest, goes_on, on};
+use crate::store::{DIGESTS, PublicKey, StoreError, digest, goes_on, on, reader};
+
+/// Bytes at the beginning of the next day's chain that are read: runs that go on past midnight have their lines in both days, some dozens
+/// of lines.
+const HEAD_BYTES: u64 = 64 << 10;
+
+/// The signature of a line, to be checked when it is asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct LineSignature {
+    /// Number of the line.
+    pub(crate) number: u64,
+    is_true: bool,
+    link: String,
+    signature: Option<String>,
+}
+
+impl LineSignature {
+    fn of(line: &ChainEntry) -> Self {
+        let ChainEntry { number, link, signature, .. } = line;
+        Self { number: *number, is_true: line.is_true(), link: link.clone(), signature: signature.clone() }
+    }
+
+    /// Whether one of the keys signed the line, and its link is that of the line. `None`: it has no signature.
+    pub(crate) fn is_signed_by(&self, keys: &[PublicKey]) -> Option<bool> {
+        is_signed_by(&self.link, self.signature.as_ref()?, keys).then_some(self.is_true).or(Some(false))
+    }
+}
 
 /// The runs of a day, to look them up.
 #[derive(Debug, Default)]
@@ -37,6 +64,17 @@ pub(crate) struct RunLink {
     pub(crate) is_sound: bool,
     /// When and by what the run was closed late, if it was.
     pub(crate) late: Option<LateClose>,
+    /// The signature of its line.
+    close: LineSignature,
+    /// That of the line of its beginning, if it has one.
+    begin: Option<LineSignature>,
+}
+
+impl RunLink {
+    /// The signatures of its lines, that of its close last.
+    pub(crate) fn lines(&self) -> impl Iterator<Item = &LineSignature> {
+        self.begin.iter().chain([&self.close])
+    }
 }
 
 impl DayLinks {
@@ -63,7 +101,22 @@ impl DayLinks {
     }
 }
 
-/// The chain of a day. It is empty if the day has none. Links from day to day are left to [`verify`].
+/// The first lines of the day behind this one, each with the link that it names before it: a line that was written anew at the end of
+/// a day does not fit them. What cannot be read says nothing; `verify` names it.
+fn heads_behind(records: &Path, day: &str) -> HashMap<u64, String> {
+    let days = reader::day_names(records).unwrap_or_default();
+    let Some(next) = days.iter().find(|next| next.as_str() > day) else { return HashMap::new() };
+    let mut head = Vec::new();
+    let read = gnc_files::below(records, &Path::new(next).join(CHAIN));
+    if read.is_ok_and(|chain| chain.take(HEAD_BYTES).read_to_end(&mut head).is_err()) {
+        return HashMap::new();
+    }
+    let lines = head.split(|byte| *byte == b'\n').filter_map(|line| std::str::from_utf8(line).ok());
+    lines.filter_map(ChainEntry::parse).map(|line| (line.number, line.before)).collect()
+}
+
+/// The chain of a day. It is empty if the day has none. Of the links to other days only those to the next one are compared; the rest is
+/// left to [`verify`].
 pub(crate) fn of_day(records: &Path, day: &str) -> Result<DayLinks, StoreError> {
     let Some(mut chain) = chain_of(records, day)? else { return Ok(DayLinks::default()) };
     chain.lines.sort_by_key(|line| line.number);
@@ -78,16 +131,25 @@ pub(crate) fn of_day(records: &Path, day: &str) -> Result<DayLinks, StoreError> 
     let is_counted = |line: &ChainEntry| {
         counted.as_ref().is_none_or(|counted| counted.number != line.number || counted.link == line.link)
     };
-    let is_sound = |at: usize, line: &ChainEntry| line.is_true() && follows(at) && is_counted(line);
+    let next_day = heads_behind(records, day);
+    let is_followed = |line: &ChainEntry| {
+        let next = line.number.checked_add(1).and_then(|number| next_day.get(&number));
+        next.is_none_or(|before| *before == line.link)
+    };
+    let is_sound =
+        |at: usize, line: &ChainEntry| line.is_true() && follows(at) && is_followed(line) && is_counted(line);
     let sound: Vec<bool> = chain.lines.iter().enumerate().map(|(at, line)| is_sound(at, line)).collect();
     let (closes, begins): (Vec<_>, Vec<_>) = chain.lines.into_iter().zip(sound).partition(|(line, _)| line.is_close());
     let mut links = DayLinks::default();
+    let mut signatures: HashMap<String, LineSignature> =
+        begins.iter().map(|(line, _)| (line.run.clone(), LineSignature::of(line))).collect();
     let open = begins.into_iter().map(|(line, _)| (line.run, OpenRun { number: line.number, digest: line.digest }));
     links.open = open.collect();
     for (line, is_sound) in closes {
         links.open.remove(line.began_as());
+        let (close, begin) = (LineSignature::of(&line), signatures.remove(line.began_as()));
         let ChainEntry { number, digest, run, late, .. } = line;
-        let link = RunLink { number, digest, is_sound, late };
+        let link = RunLink { number, digest, is_sound, late, close, begin };
         if let Some(earlier) = links.closed.insert(run.clone(), link)
             && let Some(link) = links.closed.get_mut(&run)
         {

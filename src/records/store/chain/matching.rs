@@ -27,8 +27,10 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
         }
     }
     let mut closed: HashMap<&str, &ChainEntry> = HashMap::new();
+    let mut by_name: HashMap<&str, &ChainEntry> = HashMap::new();
     for line in &closes {
-        if let Some(earlier) = closed.insert(line.began_as(), line) {
+        let by_name = by_name.insert(&line.run, line);
+        if let Some(earlier) = closed.insert(line.began_as(), line).or(by_name) {
             problems.push(format!(
                 "run {} ({}) was closed twice: run {} is it, too",
                 line.number, line.run, earlier.number
@@ -45,12 +47,15 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
                 problems.push(format!("run {} ({}) was closed before it began", line.number, line.run));
             }
             Some(begin) => {
+                let looked = if is_there { is_same(book, begin, &line.run) } else { Ok(true) };
                 let is_moved = line.from.as_ref().is_none_or(|from| {
                     let day = from.split('/').next().unwrap_or_default();
                     line.run.split('/').take(2).eq([day, UNASSIGNED])
                 });
-                if !is_moved || is_there && !is_same(book, begin, &line.run) {
-                    problems.push(not_as_it_began(begin.number, &line.run));
+                match looked {
+                    Err(error) if is_moved => problems.push(unreadable(begin.number, &line.run, &error)),
+                    Ok(true) if is_moved => {}
+                    _ => problems.push(not_as_it_began(begin.number, &line.run)),
                 }
             }
             None if line.from.is_some() || since.is_some_and(|since| line.number > since) => {
@@ -90,9 +95,13 @@ fn closed_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>
                 }),
             }
         }
-        Err(error) => problems.push(format!("run {number} ({run}): {}", gnc_text::with_causes(&error))),
+        Err(error) => problems.push(unreadable(number, run, &error)),
     }
     false
+}
+
+fn unreadable(number: u64, run: &str, error: &StoreError) -> String {
+    format!("run {number} ({run}): {}", gnc_text::with_causes(error))
 }
 
 fn digest_below(records: &Path, file: &Path) -> Result<String, StoreError> {
@@ -100,14 +109,25 @@ fn digest_below(records: &Path, file: &Path) -> Result<String, StoreError> {
     digest::of_reader(on(gnc_files::below(records, file), "read", &path)?, &path)
 }
 
-/// Whether the journal of a run begins as the line says.
-fn is_same(book: &ChainBook, begin: &ChainEntry, run: &str) -> bool {
-    begin::of_first_line(&book.records, &book.records.join(run)).is_ok_and(|digest| digest == begin.digest)
+/// Whether the journal of a run begins as the line says; an error if it is there, and cannot be read. What is no file, or not there,
+/// does not begin so.
+fn is_same(book: &ChainBook, begin: &ChainEntry, run: &str) -> Result<bool, StoreError> {
+    match begin::of_first_line(&book.records, &book.records.join(run)) {
+        Ok(digest) => Ok(digest == begin.digest),
+        Err(StoreError::File { source, what, path }) if source.kind() == io::ErrorKind::PermissionDenied => {
+            Err(StoreError::File { what, path, source })
+        }
+        Err(_) => Ok(false),
+    }
 }
 
 /// What to say of a folder whose journal does not begin as the line says.
 pub(super) fn unlike_its_beginning(book: &ChainBook, line: &ChainEntry) -> Option<String> {
-    (!is_same(book, line, &line.run)).then(|| not_as_it_began(line.number, &line.run))
+    match is_same(book, line, &line.run) {
+        Ok(true) => None,
+        Ok(false) => Some(not_as_it_began(line.number, &line.run)),
+        Err(error) => Some(unreadable(line.number, &line.run, &error)),
+    }
 }
 
 /// Compares the line of a run that is not closed with its folder. The run goes on, or its station ended.
@@ -115,10 +135,12 @@ fn open_folder(book: &ChainBook, line: &ChainEntry, moved: &mut Moved, problems:
     let (number, run) = (line.number, &line.run);
     let folder = book.records.join(run);
     match folder.symlink_metadata() {
-        Ok(_) if is_same(book, line, run) => {}
-        // It is closed or moved at this moment.
-        Ok(_) if goes_on(&folder) => {}
-        Ok(_) => problems.push(not_as_it_began(number, run)),
+        Ok(_) => match unlike_its_beginning(book, line) {
+            None => {}
+            // It is closed or moved at this moment.
+            Some(_) if goes_on(&folder) => {}
+            Some(what) => problems.push(what),
+        },
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             // Its module was not the one that was scanned, so that its station moves it.
             if !moved.has(&book.records, line) {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::CHAIN;
 use super::read::name_in;
+use crate::store::litter::is_litter;
 use crate::store::reader;
 
 /// What is wrong, a sentence each.
@@ -29,7 +30,8 @@ pub(super) fn strays(records: &Path) -> Vec<String> {
                 problems.append(&mut below);
                 problems.extend(serials.iter().chain(&runs).filter(|path| is_link(path)).map(|path| link(&name(path))));
                 let files = serials.iter().filter(|path| !is_of_chain(path)).chain(&runs).filter(|path| path.is_file());
-                let added = files.filter(|path| !is_link(path) && !is_litter(path));
+                let added =
+                    files.filter(|path| !is_link(path) && !is_litter(Path::new(path.file_name().unwrap_or_default())));
                 problems.extend(added.map(|path| format!("{} was added: no station writes it there", name(path))));
             }
             (false, _) if holds_runs => {
@@ -45,12 +47,6 @@ pub(super) fn strays(records: &Path) -> Vec<String> {
 /// Whether the file of a day is one of its chain.
 fn is_of_chain(file: &Path) -> bool {
     file.file_stem().is_some_and(|stem| stem == CHAIN)
-}
-
-/// Whether a name is one that file managers, editors and file servers leave in each folder that they show.
-fn is_litter(file: &Path) -> bool {
-    let name = file.file_name().unwrap_or_default().to_string_lossy();
-    name.starts_with('.') || name.ends_with('~') || ["Thumbs.db", "desktop.ini"].contains(&&*name)
 }
 
 fn link(name: &str) -> String {

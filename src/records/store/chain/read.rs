@@ -30,7 +30,9 @@ pub(super) struct DayChain {
     pub(super) path: PathBuf,
     /// All of its lines, in the order of the file.
     pub(super) lines: Vec<ChainEntry>,
-    /// Number of broken lines, without half a line at the end.
+    /// Lines that are as they were written but for their ends, or what stands before the first one: an editor saved the file.
+    pub(super) edited: Vec<ChainEntry>,
+    /// Number of other broken lines, without half a line at the end.
     pub(super) broken: usize,
     /// Whether half a line stands at the end, as after a power cut.
     pub(super) is_torn: bool,
@@ -69,11 +71,26 @@ pub(super) fn chain_of(records: &Path, day: &str) -> Result<Option<DayChain>, St
     // anything may stand behind the last whole line.
     let lines = || bytes.split_inclusive(|byte| *byte == b'\n');
     let whole = lines().filter_map(|line| line.strip_suffix(b"\n"));
-    let whole: Vec<ChainEntry> =
-        whole.filter_map(|line| std::str::from_utf8(line).ok().and_then(ChainEntry::parse)).collect();
+    let (mut as_written, mut edited, mut broken) = (Vec::new(), Vec::new(), 0);
+    for line in whole {
+        match (parse(line), parse(without_marks(line))) {
+            (Some(line), _) => as_written.push(line),
+            (None, Some(line)) => edited.push(line),
+            (None, None) => broken += 1,
+        }
+    }
     let is_torn = bytes.last().is_some_and(|last| *last != b'\n');
-    let broken = lines().count() - whole.len() - usize::from(is_torn);
-    Ok(Some(DayChain { path, lines: whole, broken, is_torn }))
+    Ok(Some(DayChain { path, lines: as_written, edited, broken, is_torn }))
+}
+
+fn parse(line: &[u8]) -> Option<ChainEntry> {
+    std::str::from_utf8(line).ok().and_then(ChainEntry::parse)
+}
+
+/// A line without what an editor of Windows writes: a carriage return at its end, and the mark of the encoding at the beginning of the file.
+fn without_marks(line: &[u8]) -> &[u8] {
+    let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
+    line.strip_suffix(b"\r").unwrap_or(line)
 }
 
 /// `DATE/SERIAL/TIME-PLAN` of a run.

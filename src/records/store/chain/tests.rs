@@ -99,7 +99,7 @@ fn a_run_that_was_removed_with_its_line_is_found() {
     let lines = fs::read_to_string(&chain).expect("a chain");
     let rest: String = lines.lines().skip(1).map(|line| format!("{line}\n")).collect();
     fs::write(&chain, rest).expect("a chain");
-    check(&problems(folder.path()), &["the chain is broken between run 1"]);
+    check(&problems(folder.path()), &["line 2 of the chain is missing, between run 1"]);
 }
 
 #[test]

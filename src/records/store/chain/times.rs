@@ -1,5 +1,7 @@
 //! Looks whether the times of the lines fall along the chain.
 
+use std::collections::HashMap;
+
 use chrono::{DateTime, FixedOffset, TimeDelta};
 
 use super::check::ChainBook;
@@ -14,11 +16,13 @@ const JUDGED_AGAIN: &str = "-recomputed";
 
 /// A clock that is set back is no change of the records, so these are notes.
 pub(super) fn check(book: &ChainBook, notes: &mut Vec<String>) {
-    let mut latest: Option<(DateTime<FixedOffset>, &ChainEntry)> = None;
+    // Each station has its own clock.
+    let mut latest: HashMap<&str, (DateTime<FixedOffset>, &ChainEntry)> = HashMap::new();
     for line in book.lines.iter().filter(|line| !line.run.contains(JUDGED_AGAIN)) {
-        let at = line.stamp.as_ref().and_then(|stamp| DateTime::parse_from_rfc3339(&stamp.at).ok());
-        let Some(at) = at else { continue };
-        if let Some((before, earlier)) = latest
+        let Some(stamp) = &line.stamp else { continue };
+        let Ok(at) = DateTime::parse_from_rfc3339(&stamp.at) else { continue };
+        // Each fall is told once, at its first line.
+        if let Some((before, earlier)) = latest.insert(&stamp.station, (at, line))
             && at + MAY_FALL < before
         {
             notes.push(format!(
@@ -30,7 +34,5 @@ pub(super) fn check(book: &ChainBook, notes: &mut Vec<String>) {
                 before.format("%F %T")
             ));
         }
-        // Each fall is told once, at its first line.
-        latest = Some((at, line));
     }
 }

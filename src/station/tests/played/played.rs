@@ -94,6 +94,7 @@ pub(crate) fn serve(
             station: "test".to_owned(),
             records: records.path().to_owned(),
             key: None,
+            trusted_keys: Vec::new(),
             bench: BenchInfo::simulated("good", "1", 1),
             target: Target::Serial { port: bench.port().to_owned(), rate_baud: options.rate_baud },
             can: None,

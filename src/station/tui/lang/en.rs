@@ -271,6 +271,7 @@ pub(super) static TEXTS: Texts = Texts {
     search: "Serial number contains",
     interrupted: "interrupted",
     unsealed: "unsealed",
+    changed_record: "changed",
     unreadable: "unreadable",
     newer: "newer",
     written_by_newer: "written by a newer version of the station ({})",

@@ -272,6 +272,7 @@ pub(super) static TEXTS: Texts = Texts {
     search: "Номер содержит",
     interrupted: "прерван",
     unsealed: "не закрыт",
+    changed_record: "изменён",
     unreadable: "не читается",
     newer: "нов. версия",
     written_by_newer: "записан более новой версией стенда ({})",

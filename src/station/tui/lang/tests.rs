@@ -187,6 +187,8 @@ fn the_standing_is_the_same_on_every_face() {
         Flaw::NotInChain,
         Flaw::ClosedLate,
         Flaw::Changed,
+        Flaw::Unsigned,
+        Flaw::Unwitnessed,
         Flaw::Simulated,
         Flaw::Unproven,
         Flaw::Rejudged,

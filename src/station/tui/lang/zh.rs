@@ -272,6 +272,7 @@ pub(super) static TEXTS: Texts = Texts {
     search: "序列号包含",
     interrupted: "中断",
     unsealed: "未封存",
+    changed_record: "已改动",
     unreadable: "无法读取",
     newer: "新版写入",
     written_by_newer: "由更新版本的测试台写入（{}）",

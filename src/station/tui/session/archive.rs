@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use chrono::{DateTime, FixedOffset, Local, NaiveDateTime};
 use gnc_executive::event::{BenchKind, OtherModule};
 use gnc_executive::record::RunRecord;
-use gnc_executive::standing::Standing;
+use gnc_executive::standing::{Flaw, Seal, Standing};
 use gnc_executive::state::RunState;
+use gnc_records::standing::Seals;
 use gnc_records::store;
 use gnc_records::store::chain::LateCloses;
 use gnc_records::store::head::RunHead;
@@ -25,7 +26,7 @@ const MAX_LOOKED_AT: usize = 100;
 /// What the records say of a module by the plan on the screen; `None` while no plan or no bench is held.
 pub(super) fn standing(held: &Held, records: &Path, serial_number: &str) -> Option<Result<Standing, String>> {
     let (plan, bench) = (&held.plan.as_ref()?.plan, held.bench.as_ref()?);
-    let standing = setup::standing(records, serial_number, plan, bench.bench.kind);
+    let standing = setup::standing(records, serial_number, plan, bench.bench.kind, bench.trusted_keys());
     Some(standing.map_err(|error| with_causes(&error)))
 }
 
@@ -41,16 +42,17 @@ pub(super) fn days(records: &Path) -> Result<Vec<Day>, String> {
 /// Runs of a day, by serial number, those of a module as they were closed.
 pub(super) fn runs(records: &Path, day: String) -> Result<Runs, String> {
     let (found, cut) = reader::of_day(records, &day, MAX_RUNS).map_err(|error| with_causes(&error))?;
-    let mut late_closes = LateCloses::default();
-    let mut lines: Vec<RunLine> = found.into_iter().rev().map(|found| line(found, &mut late_closes)).collect();
+    let (mut late_closes, mut seals) = (LateCloses::default(), Seals::new(records));
+    let line = |found| line(found, &mut late_closes, &mut seals);
+    let mut lines: Vec<RunLine> = found.into_iter().rev().map(line).collect();
     // It keeps the order of those that are alike.
     lines.sort_by(|a, b| a.serial_number.cmp(&b.serial_number));
     Ok(Runs { day, lines, cut })
 }
 
-fn line(found: reader::FoundRun, late_closes: &mut LateCloses) -> RunLine {
+fn line(found: reader::FoundRun, late_closes: &mut LateCloses, seals: &mut Seals<'_>) -> RunLine {
     let mark = match &found.run {
-        Ok(run) => mark(run, &found.path, found.sealed, late_closes),
+        Ok(run) => mark(run, &found.path, found.sealed, late_closes, seals),
         Err(error) if error.is_newer() => RunMark::Newer,
         Err(_) => RunMark::Unreadable,
     };
@@ -99,10 +101,11 @@ fn named_time(run: &Path) -> Option<DateTime<FixedOffset>> {
     Some(time.and_local_timezone(Local).earliest()?.fixed_offset())
 }
 
-fn mark(run: &RunRecord, folder: &Path, sealed: bool, late_closes: &mut LateCloses) -> RunMark {
+fn mark(run: &RunRecord, folder: &Path, sealed: bool, late_closes: &mut LateCloses, seals: &mut Seals<'_>) -> RunMark {
     match run.interrupted {
         true => RunMark::Interrupted,
         false if !sealed => RunMark::Unsealed,
+        false if seals.seal(folder).is_ok_and(|seal| seal == Seal::Flawed(Flaw::Changed)) => RunMark::Changed,
         // Why a chain cannot be read, `records verify` tells.
         false if late_closes.of(folder).is_ok_and(|late| late.is_some()) => RunMark::Late(run.verdict),
         // Its digests are there, and its line in the chain is not.
@@ -115,7 +118,8 @@ fn mark(run: &RunRecord, folder: &Path, sealed: bool, late_closes: &mut LateClos
 pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, RunMark)>, Unopened> {
     let state = reader::fold(&path).map_err(|error| unopened(&error))?;
     let run = RunRecord::from_state(&state).ok_or_else(|| unopened(&ReadError::Empty))?;
-    let mark = mark(&run, &path, reader::is_sealed(&path), &mut LateCloses::default());
+    let records = path.ancestors().nth(3).unwrap_or(&path);
+    let mark = mark(&run, &path, reader::is_sealed(&path), &mut LateCloses::default(), &mut Seals::new(records));
     Ok(Box::new((path, state, mark)))
 }
 
@@ -127,7 +131,8 @@ fn unopened(error: &ReadError) -> Unopened {
 }
 
 pub(super) fn verify(path: PathBuf) -> Msg {
-    let Verified { mut problems, newer, running, never_begun, incomplete, unnamed } = reader::check(&path);
+    let Verified { mut problems, newer, running, never_begun, incomplete, unnamed, only_litter: _ } =
+        reader::check(&path);
     problems.extend(incomplete);
     problems.extend(unnamed);
     problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));

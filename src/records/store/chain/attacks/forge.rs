@@ -95,6 +95,23 @@ impl Forge {
         self
     }
 
+    /// Without the signatures of the lines that are wanted.
+    pub(super) fn unsigned_where(mut self, is_wanted: impl Fn(&[String]) -> bool) -> Self {
+        for words in self.0.iter_mut().filter(|words| is_wanted(words)) {
+            let sig = words.iter().position(|word| word == "sig").unwrap();
+            words.truncate(sig);
+        }
+        self
+    }
+
+    /// The line of a close once more, as that of a run that began under another name.
+    pub(super) fn closed_again_from(mut self, run: &str, from: &str) -> Self {
+        let mut close = self.0.iter().find(|words| words[CLOSE] == "close" && words[RUN] == run).unwrap().clone();
+        close.splice(RUN + 1..RUN + 1, ["from".to_owned(), from.to_owned()]);
+        self.0.push(close);
+        self
+    }
+
     /// Numbers and links made anew, and the counter; old signatures stay beside new links.
     pub(super) fn write(mut self, shelf: &Shelf) {
         let before = self.link(self.0.len());

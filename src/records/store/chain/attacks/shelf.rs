@@ -61,11 +61,17 @@ impl Shelf {
 
     /// A whole run of nine seconds; returns its name.
     pub(super) fn run(&self, at: &str, serial_number: &str, outcome: &str) -> String {
-        self.write(at, serial_number, Some(outcome), Some(&self.key), "real").unwrap()
+        self.write(at, serial_number, Some(outcome), Some(&self.key), ("real", "line 2")).unwrap()
+    }
+
+    /// A run of another station.
+    pub(super) fn run_at(&self, station: &str, at: &str, serial_number: &str, with_key: bool) {
+        let key = Some(&self.key).filter(|_| with_key);
+        self.write(at, serial_number, Some("passed"), key, ("real", station)).unwrap();
     }
 
     pub(super) fn run_without_key(&self, at: &str, serial_number: &str, outcome: &str) -> String {
-        self.write(at, serial_number, Some(outcome), None, "real").unwrap()
+        self.write(at, serial_number, Some(outcome), None, ("real", "line 2")).unwrap()
     }
 
     /// A run whose station ends before its end.
@@ -74,12 +80,12 @@ impl Shelf {
     }
 
     pub(super) fn try_to_begin(&self, at: &str, serial_number: &str) -> Result<String, StoreError> {
-        self.write(at, serial_number, None, Some(&self.key), "real")
+        self.write(at, serial_number, None, Some(&self.key), ("real", "line 2"))
     }
 
     /// A run on a simulated bench, which has no key.
     pub(super) fn simulated(&self, at: &str, serial_number: &str) {
-        self.write(at, serial_number, Some("passed"), None, "simulated").unwrap();
+        self.write(at, serial_number, Some("passed"), None, ("simulated", "line 2")).unwrap();
     }
 
     fn write(
@@ -88,13 +94,13 @@ impl Shelf {
         serial_number: &str,
         outcome: Option<&str>,
         key: Option<&StationKey>,
-        bench: &str,
+        (bench, station): (&str, &str),
     ) -> Result<String, StoreError> {
         let text = "name = \"functional\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nlimits.wrong_reads = \"<= 0\"\n";
         let plan = Plan::read("functional.toml", text.into(), &mut |_| Err(String::new())).unwrap();
         let time: chrono::DateTime<chrono::FixedOffset> = at.parse().unwrap();
         let header = json!({
-            "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": "line 2",
+            "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": station,
             "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": bench }, "selection": null,
             "loop": null, "plan": { "name": "functional", "version": "1", "sha256": "aa" },
         });

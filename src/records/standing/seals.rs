@@ -1,0 +1,162 @@
+//! How records are kept: what the chain says of a run, what its files say, and whether a key that is trusted signed it.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use gnc_executive::standing::{Flaw, Seal};
+
+use crate::store::chain::{DayLinks, OpenRun, Witnessed};
+use crate::store::digest::{self, FileDigests};
+use crate::store::{self, DIGESTS, JOURNAL, PublicKey, RECORD, StoreError, chain, pending, reader};
+
+/// How records are kept, by the chains of their days. Each chain is read once.
+#[derive(Debug)]
+pub struct Seals<'a> {
+    records: &'a Path,
+    keys: &'a [PublicKey],
+    days: HashMap<String, DayLinks>,
+    /// The lines from before the first signed one that this one covers. Looked for once, and only for a run without signatures.
+    witnessed: Option<Witnessed>,
+}
+
+impl<'a> Seals<'a> {
+    /// Nothing is read yet.
+    pub fn new(records: &'a Path) -> Self {
+        Self { records, keys: &[], days: HashMap::new(), witnessed: None }
+    }
+
+    /// The same with the keys of the stations whose runs count.
+    pub(super) fn with_keys(self, keys: &'a [PublicKey]) -> Self {
+        Self { keys, ..self }
+    }
+
+    /// How the record of a run is kept: its digests against the chain, and `run.json` against the digests.
+    ///
+    /// # Errors
+    /// The chain of its day cannot be read.
+    pub fn seal(&mut self, run: &Path) -> Result<Seal, StoreError> {
+        if !reader::is_sealed(run) {
+            let flaw = if store::goes_on(run) { Flaw::UnderWay } else { Flaw::NotClosed };
+            return Ok(Seal::Flawed(flaw));
+        }
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        if self.day(&day)?.find(&name).is_none() {
+            // The run may have been closed since the chain was read. Look whether its station still closes it, and only
+            // then read the chain again.
+            let goes_on = store::goes_on(run);
+            self.days.remove(&day);
+            if self.day(&day)?.find(&name).is_none() {
+                return Ok(Seal::Flawed(if goes_on { Flaw::UnderWay } else { Flaw::NotInChain }));
+            }
+        }
+        let Some(link) = self.day(&day)?.find(&name) else { return Ok(Seal::Flawed(Flaw::NotInChain)) };
+        let sums = digest::of_file(&run.join(DIGESTS));
+        let as_closed = link.is_sound && sums.is_ok_and(|sums| sums == link.digest) && {
+            let promised = FileDigests::read(run).map(|(sums, _)| sums).unwrap_or_default();
+            let is_as_promised = |file: &str| {
+                // Its station may give it its name between the two steps.
+                let look = || digest::of_file(&pending::path(run, file));
+                let found = || look().or_else(|_| look()).ok();
+                match promised.get(file) {
+                    Some(promised) => found().as_deref() == Some(promised),
+                    None => file != RECORD && run.join(file).symlink_metadata().is_err(),
+                }
+            };
+            // A list shows what the journal says, and the standing what the record does.
+            [RECORD, JOURNAL].into_iter().all(is_as_promised)
+        };
+        Ok(match (as_closed, &link.late) {
+            (false, _) => Seal::Flawed(Flaw::Changed),
+            (true, Some(_)) => Seal::Flawed(Flaw::ClosedLate),
+            (true, None) => Seal::Chained,
+        })
+    }
+
+    /// What the signatures of a closed run lack: one of the keys must have signed its digests and its lines. A line from before the
+    /// first signed one had no key yet; it is as good if the first signed line is by one of the keys, and no link between the two
+    /// is broken. Without keys nothing is looked at. The digests themselves are compared by [`Seals::seal`].
+    ///
+    /// # Errors
+    /// The chain cannot be read.
+    pub fn unsigned(&mut self, run: &Path) -> Result<Option<Flaw>, StoreError> {
+        let keys = self.keys;
+        if keys.is_empty() {
+            return Ok(None);
+        }
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let Some(link) = self.day(&day)?.find(&name) else { return Ok(None) };
+        let lines: Vec<_> = link.lines().map(|line| (line.number, line.is_signed_by(keys))).collect();
+        if lines.iter().any(|(_, signed)| *signed == Some(false)) {
+            return Ok(Some(Flaw::Unsigned));
+        }
+        let is_closed_signed = lines.last().is_some_and(|(_, signed)| signed.is_some());
+        if is_closed_signed && reader::verify_signature(run, keys).is_some() {
+            return Ok(Some(Flaw::Unsigned));
+        }
+        let unsigned: Vec<u64> =
+            lines.iter().filter(|(_, signed)| signed.is_none()).map(|(number, _)| *number).collect();
+        if unsigned.is_empty() {
+            return Ok(None);
+        }
+        let witnessed = match self.witnessed {
+            Some(known) => known,
+            None => *self.witnessed.insert(Witnessed::read(self.records, keys)?),
+        };
+        Ok(match witnessed {
+            Witnessed::NoneIsSigned => Some(Flaw::Unwitnessed),
+            lines if unsigned.iter().all(|number| lines.covers(*number)) => None,
+            _ => Some(Flaw::Unsigned),
+        })
+    }
+
+    /// Whether the record of a run is known to be another one than was closed, or began: the chain names it, and its digests are
+    /// others or gone, or its journal begins otherwise.
+    pub(super) fn is_broken(&mut self, run: &Path, seal: Seal) -> Result<bool, StoreError> {
+        Ok(match seal {
+            Seal::Flawed(Flaw::Changed) => true,
+            Seal::Flawed(Flaw::NotClosed) => self.number(run)?.is_some() || self.began_otherwise(run)?,
+            Seal::Flawed(_) | Seal::Chained => false,
+        })
+    }
+
+    /// Whether the journal of a run is proved to be the one that was closed.
+    pub(super) fn has_journal_as_closed(&mut self, run: &Path) -> bool {
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let link = self.day(&day).ok().and_then(|day| day.find(&name)).filter(|link| link.is_sound);
+        let has_sums =
+            link.is_some_and(|link| digest::of_file(&run.join(DIGESTS)).is_ok_and(|sums| sums == link.digest));
+        let promised = FileDigests::read(run).ok().and_then(|(sums, _)| sums.get(JOURNAL).map(str::to_owned));
+        has_sums && promised.is_some() && digest::of_file(&run.join(JOURNAL)).ok() == promised
+    }
+
+    /// The place of a run in the order in which runs were closed; `None` if the chain does not name it.
+    pub(super) fn number(&mut self, run: &Path) -> Result<Option<u64>, StoreError> {
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        Ok(self.day(&day)?.find(&name).map(|link| link.number))
+    }
+
+    /// The line of a run that began and was not closed.
+    pub(super) fn open(&mut self, run: &Path) -> Result<Option<OpenRun>, StoreError> {
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        Ok(self.day(&day)?.find_open(&name).cloned())
+    }
+
+    /// Whether a run that is not closed has another journal than when it began.
+    fn began_otherwise(&mut self, run: &Path) -> Result<bool, StoreError> {
+        let open = self.open(run)?;
+        Ok(open.is_some_and(|open| chain::digest_of_first_line(run).map_or(true, |digest| digest != open.digest)))
+    }
+
+    pub(super) fn day(&mut self, day: &str) -> Result<&DayLinks, StoreError> {
+        if !self.days.contains_key(day) {
+            let links = chain::of_day(self.records, day)?;
+            self.days.insert(day.to_owned(), links);
+        }
+        Ok(self.days.entry(day.to_owned()).or_default())
+    }
+}

@@ -1,0 +1,177 @@
+//! What passed without a word: a folder without runs, one module whose run was taken away, a folder that is held, a head that a person
+//! types, files that nobody may read, and those that a file manager leaves.
+
+use std::fs::{self, File};
+use std::os::unix::fs::{PermissionsExt as _, chown};
+
+use super::*;
+
+/// A user without rights, if the tests are root's.
+const NOBODY: u32 = 65534;
+
+const FAILED: &str = "2026-11-28/T-2/091000-small";
+
+/// A wrong path is no pass, and so is a folder whose runs have all been taken away.
+#[test]
+fn a_folder_without_a_run_is_no_pass() {
+    let place = tempfile::tempdir().expect("a folder");
+    let records = place.path().join("records");
+    let kept = Kept::new();
+    for day in ["", "2026-11-28", "2026-11-28/T-1", "pictures"] {
+        fs::create_dir_all(records.join(day)).expect("a folder");
+        let (code, said) = asked(&records, &[]);
+        assert_eq!(code, 2, "{day}: {said}");
+        assert_eq!(
+            said.replace(&place.path().display().to_string(), "PLACE"),
+            "gnc-station: there is no run to verify in PLACE/records\n  \
+             try: name the folder with --records DIR, or the bench file that names it with --bench FILE\n"
+        );
+        let (code, said) = asked(&records, &["--head".into(), kept.head.clone()]);
+        assert!(code == 1 && said.contains("the newest runs are missing"), "{said}");
+    }
+}
+
+/// One module is verified by its number, or one run by its name, and the run is gone or has another name.
+#[test]
+fn a_module_is_not_verified_without_its_runs() {
+    let kept = Kept::new();
+    let (_place, records) = copied(&kept);
+    let whole = asked(&records, &["T-2".into()]);
+    assert_eq!(whole.0, 0, "{}", whole.1);
+    let to = records.join("2026-11-28/T-9");
+    fs::create_dir_all(&to).expect("a folder");
+    fs::rename(records.join(FAILED), to.join("091000-small")).expect("a run");
+    let name = records.join(FAILED).to_string_lossy().into_owned();
+    for asked_for in ["T-2", FAILED, &name, &format!("{name}/")] {
+        let (code, said) = asked(&records, &[asked_for.to_owned()]);
+        assert_eq!(code, 1, "{asked_for}: {said}");
+        assert!(said.contains(&format!("chain: run 4 ({FAILED}) was closed, and its folder is missing\n")), "{said}");
+    }
+    let (code, said) = asked(&records, &["T-1".to_owned()]);
+    assert_eq!(code, 0, "another module: {said}");
+    // All runs of a module are gone, and a number that was never tested.
+    fs::remove_dir_all(records.join("2026-11-29/T-3")).expect("a module");
+    let (code, said) = asked(&records, &["T-3".to_owned()]);
+    assert!(code == 1 && said.contains("was closed, and its folder is missing"), "{said}");
+    assert_eq!(asked(&records, &["T-4".to_owned()]).0, 2);
+}
+
+/// A folder is planted, and a program holds its lock as a station does.
+#[test]
+fn a_folder_that_is_held_is_no_run_that_goes_on() {
+    let kept = Kept::new();
+    let (_place, records) = copied(&kept);
+    let planted = records.join("2026-11-29/T-9/090000-small");
+    plant(&tree(&records.join(FAILED)).expect("a run"), &planted).expect("a copy");
+    let held = File::open(&planted).expect("a folder");
+    held.lock().expect("a lock");
+    for without in [None, Some("SHA256SUMS")] {
+        if let Some(file) = without {
+            fs::remove_file(planted.join(file)).expect("a file");
+        }
+        for named in [Vec::new(), vec![planted.to_string_lossy().into_owned()]] {
+            let (code, said) = asked(&records, &named);
+            assert_eq!(code, 1, "{without:?}: {said}");
+        }
+    }
+    let (_, said) = asked(&records, &[]);
+    let expected =
+        "2026-11-29/T-9/090000-small is held as a run that goes on, and no line of the chain says that it began";
+    assert!(said.contains(expected), "{said}");
+}
+
+/// Number and link are typed from paper.
+#[test]
+fn a_head_is_typed_in_capitals() {
+    let kept = Kept::new();
+    let typed = |head: &str| asked(&kept.records(), &[format!("--head={head}")]);
+    let (number, link) = kept.head.split_once(' ').expect("a head");
+    let capitals = format!("\t {number} {}  ", link.to_uppercase());
+    assert_eq!(typed(&capitals).0, 0, "{}", typed(&capitals).1);
+    let (half, rest) = link.split_at(32);
+    for wrong in [
+        format!("{number}  {link}"),
+        format!("{number} {half} {rest}"),
+        format!("+{number} {link}"),
+        format!("{number} {half}-{rest}"),
+    ] {
+        assert_eq!(typed(&wrong).0, 2, "{wrong}: {}", typed(&wrong).1);
+    }
+}
+
+/// Nothing that is there and may not be read is called missing, changed or cut off.
+#[test]
+fn what_may_not_be_read_is_called_unreadable() {
+    let kept = Kept::new();
+    let run = FAILED;
+    let of_run =
+        ["SHA256SUMS.sig", "run.json", "events.jsonl", "SHA256SUMS", "report.html"].map(|file| format!("{run}/{file}"));
+    let others =
+        ["2026-11-28/CHAIN", "2026-11-29/CHAIN", "COUNTER", "2026-11-28", "2026-11-28/T-2", run].map(str::to_owned);
+    for path in of_run.into_iter().chain(others) {
+        let (place, records) = copied(&kept);
+        fs::set_permissions(place.path(), fs::Permissions::from_mode(0o755)).expect("rights");
+        let key = place.path().join("key.pub");
+        fs::copy(&kept.public_key, &key).expect("a key");
+        let is_root = nix::unistd::geteuid().is_root();
+        if is_root {
+            for found in tree(place.path()).expect("a tree").into_keys() {
+                chown(place.path().join(found), Some(NOBODY), Some(NOBODY)).expect("an owner");
+            }
+        }
+        let spoiled = records.join(&path);
+        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0)).expect("rights");
+        // A copy of the station, which another user may carry out.
+        let station = place.path().join("station");
+        fs::copy(STATION, &station).expect("a station");
+        fs::set_permissions(&station, fs::Permissions::from_mode(0o755)).expect("rights");
+        let mut command = Command::new(&station);
+        command.args(["records", "verify", "--records"]).arg(&records).arg("--key").arg(&key);
+        command.stdin(Stdio::null()).env("NO_COLOR", "1").env("LC_ALL", "C.UTF-8").current_dir(place.path());
+        if is_root {
+            std::os::unix::process::CommandExt::uid(&mut command, NOBODY);
+        }
+        let output = command.output().expect("the station");
+        let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o755)).expect("rights");
+        assert_eq!(output.status.code(), Some(1), "{path}: {said}");
+        assert!(said.contains("Permission denied"), "{path}: {said}");
+        for wrong in
+            ["missing", "was changed", "not in the chain", "does not begin", "does not say", "is gone", "cut off"]
+        {
+            assert!(!said.contains(wrong), "{path}: {said}");
+        }
+    }
+}
+
+/// A file manager looked at a closed run.
+#[test]
+fn files_of_a_file_manager_are_named_as_such() {
+    let kept = Kept::new();
+    let (place, records) = copied(&kept);
+    fs::write(records.join(FAILED).join(".DS_Store"), "x").expect("a file");
+    let key = ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned()];
+    let (code, said) = asked(&records, &key);
+    assert_eq!(code, 1, "{said}");
+    let said: String = said.replace(&place.path().display().to_string(), "PLACE");
+    insta::assert_snapshot!("file_manager", said);
+}
+
+/// Without the public key it is said that no signature was looked at; with a bench file beside it, which key does it.
+#[test]
+fn signatures_that_are_not_checked_are_named() {
+    let kept = Kept::new();
+    let (_, said) = asked(&kept.records(), &[]);
+    assert!(
+        said.contains(
+            "8 lines of the chain are signed, and no signature was checked: give the public key with --key FILE\n"
+        ),
+        "{said}"
+    );
+    fs::write(kept.place.path().join("bench.toml"), "[station]\nid = \"line-2\"\nkey = \"station.key\"\n")
+        .expect("a bench");
+    let (_, said) = asked(&kept.records(), &[]);
+    assert!(said.contains("no signature was checked: `--key station.key.pub` does it\n"), "{said}");
+    let (_, said) = asked(&kept.records(), &["--key".into(), kept.public_key.to_string_lossy().into_owned()]);
+    assert!(!said.contains("was checked"), "{said}");
+}
