@@ -144,6 +144,27 @@ fn what_may_not_be_read_is_called_unreadable() {
     }
 }
 
+/// A list says of an edited record that it was changed, though it takes verdicts from the journal.
+#[test]
+fn a_list_names_a_record_that_was_edited() {
+    let kept = Kept::new();
+    let (place, records) = copied(&kept);
+    let list = |option: &[&str]| {
+        let mut command = Command::new(STATION);
+        command.args(["records", "list", "--records"]).arg(&records).args(option).current_dir(place.path());
+        let output = command.env("LC_ALL", "C.UTF-8").stdin(Stdio::null()).output().expect("the station");
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    assert!(!list(&[]).contains("changed"), "{}", list(&[]));
+    let record = records.join(FAILED).join("run.json");
+    let text = fs::read_to_string(&record).expect("a record");
+    fs::write(record, text.replace("\"failed\"", "\"passed\"")).expect("a record");
+    let told = list(&[]);
+    let line = told.lines().find(|line| line.contains("091000-small")).expect("the run");
+    assert!(line.contains("record was changed"), "{told}");
+    assert_eq!(list(&["--json"]).matches("\"seal\":\"changed\"").count(), 1, "{}", list(&["--json"]));
+}
+
 /// A file manager looked at a closed run.
 #[test]
 fn files_of_a_file_manager_are_named_as_such() {

@@ -2,7 +2,11 @@
 
 use std::path::Path;
 
+use gnc_executive::event::Event;
+use gnc_executive::plan::Plan;
+
 use super::*;
+use crate::store::{RECORD, RecordWriter, RunFolder};
 
 fn at(text: &str) -> DateTime<FixedOffset> {
     DateTime::parse_from_rfc3339(text).expect("a time")
@@ -97,6 +101,48 @@ fn an_unproven_run_is_of_no_shift() {
     for of in [Real, Simulated, Unproven] {
         assert!(!counts("unproven", of), "{of:?}");
     }
+}
+
+/// The record of a run that passed is edited after the run was closed: it is no pass of the shift, though its journal says so.
+#[test]
+fn a_record_that_was_edited_is_no_pass_of_the_shift() {
+    let place = tempfile::tempdir().expect("a folder");
+    let records = place.path();
+    let run = {
+        let text = "name = \"functional\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nlimits.wrong_reads = \"<= 0\"\n";
+        let plan = Plan::read("functional.toml", text.into(), &mut |_| Err(String::new())).expect("a plan");
+        let header = serde_json::json!({
+            "schema": "gnc-events/1", "serial_number": "A", "operator": null, "station": "s",
+            "program": { "name": "p", "version": "1" }, "bench": { "kind": "real" }, "selection": null, "loop": null,
+            "plan": { "name": "functional", "version": "1", "sha256": "aa" },
+        });
+        let time = "2026-11-23T08:00:00+08:00";
+        let folder = RunFolder::create(records, time.parse().expect("a time"), "A", "functional").expect("a folder");
+        let run = folder.path().to_owned();
+        let writer = RecordWriter::without_thread(folder, &plan, Vec::new()).expect("a record");
+        let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
+        runtime.block_on(async {
+            for event in [
+                serde_json::json!({ "seq": 0, "at": time, "elapsed_us": 0, "kind": "run_started", "header": header, "items": [] }),
+                serde_json::json!({ "seq": 1, "at": time, "elapsed_us": 5, "kind": "run_ended", "outcome": "passed" }),
+            ] {
+                let event: Event = serde_json::from_value(event).expect("an event");
+                writer.state().lock().expect("a state").apply(&event).expect("in order");
+                writer.place().await.expect("a place").write(event, true).synced().await.expect("on disk");
+            }
+            writer.close().await.expect("closed");
+        });
+        run
+    };
+    let count = || {
+        let of = ShiftOf { records: records.to_owned(), station: "s".into(), kind: BenchKind::Real };
+        let shift = ShiftBook::new(of).shift(at("2026-11-23T06:00:00+08:00"), at("2026-11-23T09:00:00+08:00"));
+        (shift.count(Outcome::is_good), shift.count(|outcome| outcome == Outcome::Errored), shift.first_pass())
+    };
+    assert_eq!(count(), (1, 0, (1, 1)));
+    let record = std::fs::read_to_string(run.join(RECORD)).expect("a record");
+    std::fs::write(run.join(RECORD), record.replace("\"A\"", "\"B\"")).expect("a record");
+    assert_eq!(count(), (0, 1, (0, 0)));
 }
 
 #[test]

@@ -274,7 +274,7 @@ fn of_named(records: &Path, named: &Path) -> Option<ChainCheck> {
     let path = std::path::absolute(records).ok()?;
     let name = std::path::absolute(named).ok().and_then(|whole| Some(whole.strip_prefix(&path).ok()?.to_owned()));
     let name = name.unwrap_or_else(|| named.to_owned());
-    ChainBook::read(&path).ok()?.of_named(name.to_str()?.trim_end_matches('/'))
+    ChainBook::read_held(&path).ok()?.of_named(name.to_str()?.trim_end_matches('/'))
 }
 
 /// What the chain says against a run whose folder is held: a run that began has its line before it holds more than its beginning. The chain

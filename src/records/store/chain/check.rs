@@ -92,10 +92,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
     let closed = closed(records)?;
     let strays = places::strays(records);
-    // No station writes meanwhile. Where the lock cannot be had, what stands there is read all the same.
-    let held = lock(records).ok();
-    let book = ChainBook::read(records)?;
-    drop(held);
+    let book = ChainBook::read_held(records)?;
     let mut checked = ChainCheck {
         runs: book.lines.iter().filter(|line| line.is_close()).count(),
         late: book.lines.iter().filter(|line| line.late.is_some()).count(),
@@ -122,6 +119,17 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
 }
 
 impl ChainBook {
+    /// Reads all lines while no station writes. Where the lock cannot be had, what stands there is read all the same.
+    ///
+    /// # Errors
+    /// The records folder cannot be read.
+    pub fn read_held(records: &Path) -> Result<Self, StoreError> {
+        let held = lock(records).ok();
+        let book = Self::read(records);
+        drop(held);
+        book
+    }
+
     /// Reads all lines.
     ///
     /// # Errors

@@ -156,7 +156,53 @@ pub(super) fn last_whole_run_s(records: &Path, plan_sha256: &str, kind: BenchKin
 
 #[cfg(test)]
 mod tests {
+    use gnc_executive::event::Event;
+    use gnc_executive::outcome::Outcome;
+    use gnc_executive::plan::Plan;
+    use gnc_executive::verdict::Verdict;
+    use gnc_records::store::{RecordWriter, RunFolder};
+
     use super::*;
+
+    /// The record of a run is edited after it was closed: the list and the open run say so, and not how its journal ended.
+    #[test]
+    fn a_record_that_was_edited_is_marked() {
+        let place = tempfile::tempdir().expect("a folder");
+        let records = place.path();
+        let text = "name = \"functional\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nlimits.wrong_reads = \"<= 0\"\n";
+        let plan = Plan::read("functional.toml", text.into(), &mut |_| Err(String::new())).expect("a plan");
+        let header = serde_json::json!({
+            "schema": "gnc-events/1", "serial_number": "A", "operator": null, "station": "s",
+            "program": { "name": "p", "version": "1" }, "bench": { "kind": "real" }, "selection": null, "loop": null,
+            "plan": { "name": "functional", "version": "1", "sha256": "aa" },
+        });
+        let time = "2026-11-23T08:00:00+08:00";
+        let folder = RunFolder::create(records, time.parse().expect("a time"), "A", "functional").expect("a folder");
+        let run = folder.path().to_owned();
+        let writer = RecordWriter::without_thread(folder, &plan, Vec::new()).expect("a record");
+        let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
+        runtime.block_on(async {
+            for event in [
+                serde_json::json!({ "seq": 0, "at": time, "elapsed_us": 0, "kind": "run_started", "header": header, "items": [] }),
+                serde_json::json!({ "seq": 1, "at": time, "elapsed_us": 5, "kind": "run_ended", "outcome": "passed" }),
+            ] {
+                let event: Event = serde_json::from_value(event).expect("an event");
+                writer.state().lock().expect("a state").apply(&event).expect("in order");
+                writer.place().await.expect("a place").write(event, true).synced().await.expect("on disk");
+            }
+            writer.close().await.expect("closed");
+        });
+        let marks = || {
+            let listed = runs(records, "2026-11-23".to_owned()).expect("a day").lines[0].mark;
+            (listed, open(run.clone()).expect("a run").2)
+        };
+        let passed = RunMark::Ended(Verdict::Module(Outcome::Passed));
+        assert_eq!(marks(), (passed, passed));
+        let path = run.join("run.json");
+        let record = std::fs::read_to_string(&path).expect("a record");
+        std::fs::write(&path, record.replace("\"A\"", "\"B\"")).expect("a record");
+        assert_eq!(marks(), (RunMark::Changed, RunMark::Changed));
+    }
 
     /// Only the head of each record is read: here is no journal, and the items are no JSON.
     #[test]
