@@ -60,13 +60,16 @@ pub(super) fn close(
     closed
 }
 
-/// Takes the digests back, so that no face takes the run for one that was closed, and what waited for its name. The journal stays, and
-/// the next start closes the run late.
+/// Takes the digests back, so that no face takes the run for one that was closed, and then what waited for its name. The journal
+/// stays, and the next start closes the run late. Digests that cannot be removed keep their files: without them the run would be one
+/// that was changed, and with them it is one that was cut off before its line.
 fn withdraw(run: &Path) {
-    let waiting = TELLING.map(pending::waiting_name);
-    for name in [DIGESTS, SIGNATURE].into_iter().chain(waiting.iter().map(String::as_str)) {
-        // The reported error is that of the closing. What stays has no line in the chain.
-        let _ = fs::remove_file(run.join(name));
+    // The reported error is that of the closing. What stays has no line in the chain.
+    if remove(&run.join(DIGESTS)).is_ok() {
+        let waiting = TELLING.map(pending::waiting_name);
+        for name in [SIGNATURE].into_iter().chain(waiting.iter().map(String::as_str)) {
+            let _ = fs::remove_file(run.join(name));
+        }
     }
     let _ = sync_dir(run);
 }
