@@ -12,6 +12,7 @@ use gnc_executive::plan::{MAX_PLAN_BYTES, MAX_PLAN_FILES};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
+use super::agree;
 use super::begun::was_never_begun;
 use super::captured::CapturedFiles;
 use super::digest::FileDigests;
@@ -567,6 +568,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
     let (sums, bad) = FileDigests::read(folder)?;
     let mut problems = vec![format!("{DIGESTS} holds a line that is not a digest"); bad];
     problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
+    let record_sha256 = sums.of_record();
     let mut promised = sums.into_map();
     let mut added = Vec::new();
     let mut known = HashMap::new();
@@ -616,14 +618,7 @@ fn compare(folder: &Path) -> Result<Verified, StoreError> {
             Ok(captured) => problems.extend(captured.unlike(folder, &known)),
             Err(error) => problems.push(gnc_text::with_causes(&error)),
         }
-        let stored = gnc_files::read_below(folder, Path::new(RECORD), MAX_RECORD_BYTES).ok();
-        let stored = stored.and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
-        let is_same = stored
-            .zip(RunRecord::of_folded(state))
-            .is_some_and(|(stored, folded)| folded.closed_like(&stored) == stored);
-        if !is_same {
-            problems.push(format!("{RECORD} does not say what {JOURNAL} says"));
-        }
+        problems.extend(agree::unlike(folder, state, &record_sha256)?);
     }
     Ok(Verified { problems, newer, ..Verified::default() })
 }

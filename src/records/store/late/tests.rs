@@ -22,13 +22,20 @@ fn time(text: &str) -> DateTime<FixedOffset> {
     text.parse().unwrap()
 }
 
+/// The plan that each run follows.
+const PLAN_TEXT: &str = "name = \"functional\"";
+
+fn plan_sha256() -> String {
+    crate::store::digest::of_plan([("functional.toml", PLAN_TEXT.as_bytes())].into_iter())
+}
+
 /// The journal of a whole run of no items that passed.
 fn journal(serial_number: &str, station: &str, time: &str) -> String {
     let at = format!("{DAY}T{time}+08:00");
     let header = json!({
         "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": station,
         "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": "real" }, "selection": null, "loop": null,
-        "plan": { "name": "functional", "version": "1.0", "sha256": "aa" },
+        "plan": { "name": "functional", "version": "1.0", "sha256": plan_sha256() },
     });
     let begun = json!({ "seq": 0, "at": at, "elapsed_us": 0, "kind": "run_started", "header": header, "items": [] });
     let ended = json!({ "seq": 1, "at": at, "elapsed_us": 5, "kind": "run_ended", "outcome": "passed" });
@@ -53,7 +60,7 @@ impl Shelf {
         let name = format!("{DAY}/{serial_number}/{}-functional", time.replace(':', ""));
         let run = self.path().join(name);
         fs::create_dir_all(run.join(PLAN)).unwrap();
-        fs::write(run.join(PLAN).join("01-functional.toml"), "name = \"functional\"").unwrap();
+        fs::write(run.join(PLAN).join("01-functional.toml"), PLAN_TEXT).unwrap();
         fs::write(run.join(JOURNAL), journal(serial_number, station, time)).unwrap();
         chain::begin(&run, &Scribe { station, at: self::time(SEALED), key: None, late: None }).unwrap();
         run

@@ -14,6 +14,13 @@ use crate::store::{PLAN, SIGNATURE};
 const DAY: &str = "2026-11-28";
 const STATION: &str = "bench 1";
 
+/// The plan that each run follows.
+const PLAN_TEXT: &str = "name = \"functional\"";
+
+fn plan_sha256() -> String {
+    crate::store::digest::of_plan([("functional.toml", PLAN_TEXT.as_bytes())].into_iter())
+}
+
 fn at() -> DateTime<FixedOffset> {
     "2026-11-28T16:00:00+08:00".parse().unwrap()
 }
@@ -33,11 +40,11 @@ impl Shelf {
     fn run(&self, serial_number: &str, events: usize) -> PathBuf {
         let run = self.path().join(DAY).join(serial_number).join("143000-functional");
         fs::create_dir_all(run.join(PLAN)).unwrap();
-        fs::write(run.join(PLAN).join("01-functional.toml"), "name = \"functional\"").unwrap();
+        fs::write(run.join(PLAN).join("01-functional.toml"), PLAN_TEXT).unwrap();
         let header = json!({
             "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": STATION,
             "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": "real" }, "selection": null,
-            "loop": null, "plan": { "name": "functional", "version": "1.0", "sha256": "aa" },
+            "loop": null, "plan": { "name": "functional", "version": "1.0", "sha256": plan_sha256() },
         });
         let begun =
             json!({ "seq": 0, "at": at(), "elapsed_us": 0, "kind": "run_started", "header": header, "items": [] });
