@@ -218,7 +218,7 @@ fn repeatability_of(noise: &AxisNoise, dice: &mut Dice) -> (f64, f64) {
 
 #[test]
 fn sixty_figures_are_those_of_the_true_noise() {
-    let plan = Plan::read("sixty.toml", PLAN.into(), &mut |_| Err("no includes".into())).unwrap();
+    let plan = Plan::read("sixty.toml", PLAN.into(), &mut |_| Err("no includes".to_owned())).unwrap();
     let params = |id: ItemId| -> &Params { &plan.items().iter().find(|item| item.id == id).unwrap().params };
     let earlier = calibrated();
     let mut dice = Dice(ChaCha8Rng::seed_from_u64(SEED));

@@ -37,11 +37,12 @@ pub fn rechain(records: &Path) {
     fs::write(records.join("COUNTER"), format!("{number} {before}\n")).expect("a counter");
 }
 
-/// Takes the name of the run out of its raw files, and updates their digests.
+/// Takes the name of the run out of its raw files, and what the journal says of these, and updates the digests.
 ///
 /// # Panics
-/// A raw file cannot be read or written.
+/// A file cannot be read or written.
 pub fn unname(run: &Path) {
+    uncapture(run);
     for path in gnc_records::store::captures::files(run).expect("a run") {
         let record = raw::read(File::open(&path).expect("a raw file")).expect("a whole raw file");
         let was = digest::of_file(&path).expect("a digest");
@@ -54,4 +55,23 @@ pub fn unname(run: &Path) {
         let is = digest::of_file(&path).expect("a digest");
         fs::write(run.join("SHA256SUMS"), sums.replace(&was, &is)).expect("digests");
     }
+}
+
+/// Takes the lines about raw files out of the journal.
+fn uncapture(run: &Path) {
+    let path = run.join("events.jsonl");
+    let was = digest::of_file(&path).expect("a digest");
+    let text = fs::read_to_string(&path).expect("a journal");
+    let kept = text.lines().filter(|line| !line.contains("\"kind\":\"captured\""));
+    let numbered: String = kept
+        .enumerate()
+        .map(|(number, line)| {
+            let (_, rest) = line.split_once(',').expect("a number first");
+            format!("{{\"seq\":{number},{rest}\n")
+        })
+        .collect();
+    fs::write(&path, numbered).expect("room");
+    let sums = fs::read_to_string(run.join("SHA256SUMS")).expect("digests");
+    let is = digest::of_file(&path).expect("a digest");
+    fs::write(run.join("SHA256SUMS"), sums.replace(&was, &is)).expect("digests");
 }

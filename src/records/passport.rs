@@ -13,6 +13,7 @@ use gnc_analysis::figures::calibration::Mag;
 use serde::{Deserialize, Serialize};
 
 pub use of_run::{NoPassport, of_run};
+pub(crate) use xml::xml_of;
 pub use xml::{XmlError, xml};
 
 /// The passport for programs: its file name in a run's folder.

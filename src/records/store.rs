@@ -4,6 +4,7 @@
 //! item. So are the raw samples, one file for each attempt that captures. Everything else is made from the journal at
 //! the end, and a list of digests closes the folder.
 
+mod agree;
 mod begun;
 pub(crate) mod captured;
 pub mod captures;

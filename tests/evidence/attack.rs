@@ -245,7 +245,7 @@ fn step(records: &Path, dice: &mut Dice<'_>, files: [&Path; 2], folders: [&Path;
     })
 }
 
-fn sha256(bytes: &[u8]) -> String {
+pub(crate) fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

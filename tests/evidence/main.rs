@@ -14,9 +14,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use attack::{attack, plant, tree};
+use gnc_records::store::StationKey;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use rows::ROWS;
+use rows::{KILLED_ROWS, ROWS};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 /// Another seed makes other attacks.
@@ -45,6 +46,19 @@ impl Kept {
         std::fs::copy(records.join("COUNTER"), &counter).expect("a counter");
         let head = std::fs::read_to_string(&counter).expect("a counter").trim_end().to_owned();
         Self { place, public_key, head, counter }
+    }
+
+    /// The same, and a run that was killed and that no start has closed. What is kept elsewhere is of after the kill.
+    fn with_a_killed_run() -> Self {
+        let kept = Self::new();
+        day::killed(&kept.records(), &kept.key());
+        std::fs::copy(kept.records().join("COUNTER"), &kept.counter).expect("a counter");
+        let head = std::fs::read_to_string(&kept.counter).expect("a counter").trim_end().to_owned();
+        Self { head, ..kept }
+    }
+
+    fn key(&self) -> StationKey {
+        StationKey::read(&self.place.path().join("station.key")).expect("a key")
     }
 
     fn records(&self) -> PathBuf {
@@ -123,9 +137,24 @@ fn the_page_says_what_is_found() {
     }
     let (mut said, mut wrong) = (String::new(), Vec::new());
     let mut table = String::new();
-    for row in &ROWS {
-        let (place, records) = copied(&kept);
+    // A run that was killed is closed by the next start, after the attack.
+    let open = Kept::with_a_killed_run();
+    let open_witnesses = open.witnesses();
+    {
+        let (_place, records) = copied(&open);
+        assert_eq!(day::start(&records, &open.key()).len(), 1);
+        for witness in &open_witnesses {
+            assert!(verify(&records, witness).0, "as written, {witness:?}");
+        }
+    }
+    let closed = ROWS.iter().map(|row| (row, &kept, &witnesses, false));
+    let killed = KILLED_ROWS.iter().map(|row| (row, &open, &open_witnesses, true));
+    for (row, kept, witnesses, is_open) in closed.chain(killed) {
+        let (place, records) = copied(kept);
         (row.attack)(&records);
+        if is_open {
+            day::start(&records, &kept.key());
+        }
         let mut cells = Vec::new();
         said.push_str(&format!("## {}\n", row.what));
         for (witness, expected) in witnesses.iter().zip(row.found) {
@@ -138,8 +167,11 @@ fn the_page_says_what_is_found() {
             let lines = text.replace(&place.path().display().to_string(), "PLACE");
             let lines = lines.replace(&kept.place.path().display().to_string(), "KEPT");
             // What is as it was written needs no reader.
-            let findings: String =
-                lines.lines().filter(|line| !line.ends_with(": as written")).map(|line| format!("{line}\n")).collect();
+            let findings: String = lines
+                .lines()
+                .filter(|line| !line.ends_with(": as written"))
+                .map(|line| format!("{}\n", without_lengths(line)))
+                .collect();
             said.push_str(&format!("-- {option}\n{}", without_links(&findings)));
         }
         table.push_str(&format!("| {} | {} |\n", row.what, cells.join(" | ")));
@@ -148,6 +180,12 @@ fn the_page_says_what_is_found() {
     insta::assert_snapshot!("what_is_said", said);
     let page = std::fs::read_to_string(gnc_tests::repository().join("docs/evidence.md")).expect("the page");
     assert!(page.contains(&table), "docs/evidence.md does not hold what the attacks show:\n{table}");
+}
+
+/// How many bytes a raw file has depends on when they were written to disk.
+fn without_lengths(line: &str) -> String {
+    const OTHER: &str = " is not the one that was captured: ";
+    line.split_once(OTHER).map_or_else(|| line.to_owned(), |(file, _)| format!("{file}{OTHER}..."))
 }
 
 /// Links and digests depend on keys, which are new in each run.

@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use gnc_records::raw::{self, RawWriter, pieces};
 use gnc_records::store::StationKey;
 
-use crate::attack::{Entry, chain_anew, plant, sums_anew, tree};
+use crate::attack::{Entry, chain_anew, plant, sha256, sums_anew, tree};
 use crate::day;
 
 /// One kind of attack.
@@ -18,7 +19,7 @@ pub(crate) struct Row {
     pub(crate) found: [bool; 4],
 }
 
-pub(crate) const ROWS: [Row; 21] = [
+pub(crate) const ROWS: [Row; 22] = [
     Row { what: "A byte of a file of a run is changed", attack: byte, found: [true; 4] },
     Row { what: "A file is removed from a run, or added to it", attack: removed_file, found: [true; 4] },
     Row {
@@ -30,6 +31,11 @@ pub(crate) const ROWS: [Row; 21] = [
         what: "The same, and the chain and `COUNTER` are made anew",
         attack: |records| verdict(records, true),
         found: [false, true, true, true],
+    },
+    Row {
+        what: "A passport, a plan or the file of an item is exchanged, and all else is made anew",
+        attack: planted,
+        found: [true; 4],
     },
     Row { what: "A failed run is removed", attack: |records| failed_away(records, false), found: [true; 4] },
     Row {
@@ -98,6 +104,75 @@ pub(crate) const ROWS: [Row; 21] = [
     Row { what: "All is made anew and signed with another key", attack: another_key, found: [false, true, true, true] },
 ];
 
+/// What is done in the folder of a run that was killed, before the next start closes it.
+pub(crate) const KILLED_ROWS: [Row; 4] = [
+    Row {
+        what: "Captures of a killed run are exchanged before the next start",
+        attack: |records| exchanged(records),
+        found: [true; 4],
+    },
+    Row {
+        what: "The same, and its journal is made to fit",
+        attack: |records| {
+            exchanged(records);
+            fits(records);
+        },
+        found: [false, false, true, false],
+    },
+    Row {
+        what: "A result before a capture is edited in the journal of a killed run, before the next start",
+        attack: |records| edited(records),
+        found: [true; 4],
+    },
+    Row {
+        what: "The same, and its journal is made to fit",
+        attack: |records| {
+            edited(records);
+            fits(records);
+        },
+        found: [false, false, true, false],
+    },
+];
+
+/// The run that was killed.
+const KILLED: &str = "2026-11-29/T-4/090000-small";
+const RAW: &str = "01-cpu/attempt-1.mcap";
+
+/// The capture of another module in a file that says that it is of this run.
+fn exchanged(records: &Path) {
+    let file = records.join(KILLED).join(RAW);
+    let own = raw::read(fs::File::open(&file).expect("a file")).expect("captures");
+    let mut out = RawWriter::new(fs::File::create(&file).expect("room"), own.origin.as_ref()).expect("a head");
+    for piece in pieces(&day::capture("of another module")) {
+        out.write(piece).expect("room");
+    }
+    out.finish().expect("room");
+}
+
+fn edited(records: &Path) {
+    replace(&records.join(KILLED), &[("\"value\":0.0,", "\"value\":-0.0,")]);
+}
+
+/// Makes the line about the raw file fit to the file and to the lines before it. Only the signature needs a key.
+fn fits(records: &Path) {
+    let journal = records.join(KILLED).join("events.jsonl");
+    let file = fs::read(records.join(KILLED).join(RAW)).expect("a file");
+    let mut text = String::new();
+    for line in fs::read_to_string(&journal).expect("a journal").lines() {
+        let mut line = line.to_owned();
+        let event: serde_json::Value = serde_json::from_str(&line).expect("an event");
+        if event["kind"] == "captured" {
+            for (name, now) in [("sha256", sha256(&file)), ("journal_sha256", sha256(text.as_bytes()))] {
+                line = line.replace(event[name].as_str().expect("a digest"), &now);
+            }
+            line = line.replace(&format!("\"bytes\":{}", event["bytes"]), &format!("\"bytes\":{}", file.len()));
+        }
+        text.push_str(&line);
+        text.push('\n');
+    }
+    fs::write(journal, text).expect("a journal");
+}
+
 const FAILED: &str = "2026-11-28/T-2/091000-small";
 const PASSED: &str = "2026-11-28/T-1/090000-small";
 
@@ -139,6 +214,14 @@ fn verdict(records: &Path, anew: bool) {
     if anew {
         chain_anew(records, false).expect("a chain");
     }
+}
+
+fn planted(records: &Path) {
+    let failed = records.join(FAILED);
+    fs::write(failed.join("passport.json"), "{ \"origin\": { \"outcome\": \"passed\" } }").expect("a passport");
+    replace(&failed.join("01-cpu"), &[("failed", "passed")]);
+    replace(&failed.join("plan"), &[("== 0", ">= 0")]);
+    chain_of_all_anew(records);
 }
 
 fn failed_away(records: &Path, anew: bool) {
@@ -226,7 +309,9 @@ fn early_chained(records: &Path) {
     early_dated(records);
     let chain = fs::read_to_string(records.join("2026-11-28/CHAIN")).expect("a chain");
     let lines: String = (chain.lines().filter(|line| line.contains("T-2/092000-small")))
-        .map(|line| format!("0{}\n", &line.replace("2026-11-28", "2026-11-20")[1..]))
+        // The beginning stays before the end.
+        .enumerate()
+        .map(|(at, line)| format!("0{at}{}\n", &line.replace("2026-11-28", "2026-11-20")[1..]))
         .collect();
     fs::write(records.join("2026-11-20/CHAIN"), lines).expect("a chain");
     chain_of_all_anew(records);

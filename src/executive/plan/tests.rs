@@ -254,7 +254,7 @@ fn calibrations_that_are_needed() {
 fn a_plan_says_how_long_a_resumed_run_waits() {
     let read = |resume: &str| {
         let text = format!("name = \"p\"\nversion = \"1\"\n{resume}\n[[item]]\nid = \"identity\"\nphase = \"setup\"\n");
-        Plan::read("plan.toml", text.into_bytes(), &mut |_| Err("no includes".into()))
+        Plan::read("plan.toml", text.into_bytes(), &mut |_| Err("no includes".to_owned()))
     };
     let rules = |resume: &str| read(resume).unwrap_or_else(|mistakes| panic!("{mistakes}")).resume;
     assert_eq!(rules(""), ResumeRules { wait_s: 1800.0, within_k: 0.5 });

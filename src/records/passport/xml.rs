@@ -31,10 +31,18 @@ pub enum XmlError {
 /// # Errors
 /// [`XmlError`], a mistake in this program.
 pub fn xml(passport: &Passport) -> Result<Vec<u8>, XmlError> {
+    xml_of(&serde_json::to_value(passport)?)
+}
+
+/// A passport that was filed as JSON, as XML.
+///
+/// # Errors
+/// [`XmlError`], a mistake in this program.
+pub(crate) fn xml_of(passport: &Value) -> Result<Vec<u8>, XmlError> {
     let mut out = Writer::new_with_indent(Vec::new(), b' ', 2);
     out.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
     let root = BytesStart::new(ROOT).with_attributes([INSTANCE]);
-    element(&mut out, root, &serde_json::to_value(passport)?)?;
+    element(&mut out, root, passport)?;
     let mut text = out.into_inner();
     text.push(b'\n');
     Ok(text)

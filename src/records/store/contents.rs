@@ -36,7 +36,7 @@ impl PlanFiles {
         while let Some(file) = numbered(&all, files.len() + 1) {
             let path = Path::new(PLAN).join(file);
             let Ok(text) = gnc_files::read_below(run, &path, MAX_PLAN_BYTES as u64) else { break };
-            files.push((path, name::text_of_part(&file[NUMBER_BYTES..]), text));
+            files.push((path, name::part_of(&file[NUMBER_BYTES..]), text));
         }
         let is_plan = |count: &usize| {
             let named = files.iter().take(*count);

@@ -16,8 +16,8 @@ use std::fmt::Write as _;
 
 use sha2::{Digest as _, Sha256};
 
-use super::UNASSIGNED;
 use super::chain::CHAIN;
+use super::{UNASSIGNED, digest};
 
 /// Longest name of the folder of a module. File systems take 255 bytes; Windows takes 260 characters for a whole path.
 const MAX_NAME: usize = 96;
@@ -78,18 +78,27 @@ pub(crate) fn of_part(text: &str) -> String {
     if !name.is_empty() && name.len() <= MAX_NAME { name } else { cut(&name, text) }
 }
 
-/// The text of which this is the name by [`of_part`]; `None` if the name was cut.
-pub(super) fn text_of_part(name: &str) -> Option<String> {
+/// The text of which this is the name as a part; `None` if the name does not tell: it was cut, or an earlier version named it.
+#[must_use]
+pub(super) fn part_of(name: &str) -> Option<String> {
+    // Earlier versions put eight digits of a digest behind a name in which they had replaced something.
+    let is_digest = |end: &str| end.len() == 8 && digest::bytes_of(end).is_some();
+    if name.split_once('~').is_some_and(|(_, end)| is_digest(end)) {
+        return None;
+    }
     let mut bytes = Vec::with_capacity(name.len());
-    let mut rest = name.bytes();
-    while let Some(byte) = rest.next() {
-        bytes.push(match byte {
+    let mut rest = name.as_bytes();
+    while let Some((first, behind)) = rest.split_first() {
+        rest = match first {
             b'~' => {
-                let digits = [rest.next()?, rest.next()?];
-                u8::from_str_radix(std::str::from_utf8(&digits).ok()?, 16).ok()?
+                bytes.extend(digest::bytes_of(std::str::from_utf8(behind.get(..2)?).ok()?)?);
+                &behind[2..]
             }
-            byte => byte,
-        });
+            _ => {
+                bytes.push(*first);
+                behind
+            }
+        };
     }
     String::from_utf8(bytes).ok().filter(|text| of_part(text) == name)
 }

@@ -12,6 +12,7 @@ use gnc_executive::plan::{MAX_PLAN_BYTES, MAX_PLAN_FILES};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
+use super::agree;
 use super::begun::{self, was_never_begun};
 use super::captured::CapturedFiles;
 use super::digest::FileDigests;
@@ -629,6 +630,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     let (sums, bad) = FileDigests::read(folder)?;
     let mut problems = vec![format!("{DIGESTS} holds a line that is not a digest"); bad];
     problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
+    let record_sha256 = sums.of_record();
     let mut promised = sums.into_map();
     let mut added = Vec::new();
     // The digests have the names that these files get when the run is closed.
@@ -698,18 +700,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
             Ok(captured) => problems.extend(captured.unlike(folder, &known)),
             Err(error) => problems.push(gnc_text::with_causes(&error)),
         }
-        let record = pending::path(folder, RECORD);
-        let within = record.strip_prefix(folder).unwrap_or(&record);
-        let stored = gnc_files::read_below(folder, within, MAX_RECORD_BYTES);
-        // That it cannot be read was said with its digest.
-        let is_unread = stored.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::PermissionDenied);
-        let stored = stored.ok().and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
-        let is_same = stored
-            .zip(RunRecord::of_folded(state))
-            .is_some_and(|(stored, folded)| folded.closed_like(&stored) == stored);
-        if !is_same && !is_unread {
-            problems.push(format!("{RECORD} does not say what {JOURNAL} says"));
-        }
+        problems.extend(agree::unlike(folder, state, &record_sha256)?);
     }
     only_litter &= problems.len() == added.len();
     Ok(Verified { problems, newer, unnamed, only_litter, ..Verified::default() })

@@ -37,7 +37,7 @@ tp4 = { limit = "4.9 V .. 5.1 V", marginal = "20 mV" }
 
 fn plan(text: &str) -> Result<Plan, String> {
     let text = format!("{HEAD}{text}").into_bytes();
-    Plan::read("plans/p.toml", text, &mut |_| Err("no include".into())).map_err(|mistakes| mistakes.to_string())
+    Plan::read("plans/p.toml", text, &mut |_| Err("no include".to_owned())).map_err(|mistakes| mistakes.to_string())
 }
 
 fn item() -> PlanItem {

@@ -106,7 +106,7 @@ fn includes_are_bounded() {
     let mut chain = |name: &str| {
         asked += 1;
         let next = name.trim_end_matches(".toml").parse::<u32>().unwrap_or(0) + 1;
-        Ok(format!("name = \"p\"\nversion = \"1\"\ninclude = [\"{next}.toml\"]").into_bytes())
+        Ok::<_, String>(format!("name = \"p\"\nversion = \"1\"\ninclude = [\"{next}.toml\"]").into_bytes())
     };
     let root = chain("0.toml").unwrap();
     let text = Plan::read("0.toml", root, &mut chain).unwrap_err().to_string();

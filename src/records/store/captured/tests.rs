@@ -16,6 +16,7 @@ use crate::raw::{RawWriter, pieces};
 use crate::resume::{Like, ResumeError, Resumed};
 use crate::store::{RecordWriter, RunFolder, Sealer, StationKey, seal_interrupted};
 
+const TEXT: &str = "name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nlimits.wrong_reads = \"<= 0\"\n";
 const FILE: &str = "01-six-position/attempt-1.mcap";
 
 fn at() -> DateTime<FixedOffset> {
@@ -48,8 +49,7 @@ impl Killed {
     /// It has made captures of these labels. The next one was under way, or its file has got its end.
     fn new(key: Option<StationKey>, labels: &[&str], is_ended: bool) -> Self {
         let records = tempfile::tempdir().unwrap();
-        let text = "name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nlimits.wrong_reads = \"<= 0\"\n";
-        let plan = Plan::read("p.toml", text.into(), &mut |_| Err(String::new())).unwrap();
+        let plan = Plan::read("p.toml", TEXT.into(), &mut |_| Err(String::new())).unwrap();
         let folder = RunFolder::create(records.path(), at(), "GOOD", "p").unwrap().signed_with(key.clone());
         let run = folder.path().to_owned();
         let writer = RecordWriter::without_thread(folder, &plan, Vec::new()).unwrap();
@@ -128,10 +128,11 @@ impl Killed {
 }
 
 async fn write(writer: &RecordWriter, labels: &[&str], is_ended: bool) {
+    let sha256 = digest::of_plan([("p.toml", TEXT.as_bytes())].into_iter());
     let header = json!({
         "schema": "gnc-events/1", "serial_number": "GOOD", "operator": null, "station": "bench 1",
         "program": { "name": "gnc-station", "version": "1" }, "bench": { "kind": "real" }, "selection": null,
-        "loop": null, "plan": { "name": "p", "version": "1", "sha256": "aa" },
+        "loop": null, "plan": { "name": "p", "version": "1", "sha256": sha256 },
     });
     let items = json!([{
         "name": "six-position", "id": "six-position", "title": "six", "phase": "test", "optional": false,

@@ -23,6 +23,13 @@ fn time(text: &str) -> DateTime<FixedOffset> {
     text.parse().unwrap()
 }
 
+/// The plan that each run follows.
+const PLAN_TEXT: &str = "name = \"functional\"";
+
+fn plan_sha256() -> String {
+    crate::store::digest::of_plan([("functional.toml", PLAN_TEXT.as_bytes())].into_iter())
+}
+
 /// The journal of a whole run of no items that passed.
 fn journal(serial_number: &str, station: &str, time: &str) -> String {
     let at = format!("{DAY}T{time}+08:00");
@@ -54,7 +61,7 @@ impl Shelf {
         let name = format!("{DAY}/{serial_number}/{}-functional", time.replace(':', ""));
         let run = self.path().join(name);
         fs::create_dir_all(run.join(PLAN)).unwrap();
-        fs::write(run.join(PLAN).join("01-functional.toml"), "name = \"functional\"").unwrap();
+        fs::write(run.join(PLAN).join("01-functional.toml"), PLAN_TEXT).unwrap();
         fs::write(run.join(JOURNAL), journal(serial_number, station, time)).unwrap();
         chain::begin(&run, &Scribe { station, at: self::time(SEALED), key: None, late: None }).unwrap();
         run

@@ -14,6 +14,9 @@ use crate::store::{PLAN, SIGNATURE};
 const DAY: &str = "2026-11-28";
 const STATION: &str = "bench 1";
 
+/// The plan that each run follows.
+const PLAN_TEXT: &str = "name = \"functional\"";
+
 fn at() -> DateTime<FixedOffset> {
     "2026-11-28T16:00:00+08:00".parse().unwrap()
 }
@@ -33,7 +36,7 @@ pub(in crate::store) fn close_as(
 
 /// Digest of the plan of the runs of these tests.
 pub(in crate::store) fn plan_sha256() -> String {
-    crate::store::digest::of_plan([("functional.toml", &b"name = \"functional\""[..])].into_iter())
+    crate::store::digest::of_plan([("functional.toml", PLAN_TEXT.as_bytes())].into_iter())
 }
 
 pub(in crate::store) struct Shelf(tempfile::TempDir);
@@ -55,7 +58,7 @@ impl Shelf {
     fn run(&self, serial_number: &str, events: usize) -> PathBuf {
         let run = self.path().join(DAY).join(serial_number).join("143000-functional");
         fs::create_dir_all(run.join(PLAN)).unwrap();
-        fs::write(run.join(PLAN).join("01-functional.toml"), "name = \"functional\"").unwrap();
+        fs::write(run.join(PLAN).join("01-functional.toml"), PLAN_TEXT).unwrap();
         let header = json!({
             "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": STATION,
             "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": "real" }, "selection": null,

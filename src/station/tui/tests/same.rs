@@ -86,6 +86,8 @@ fn journal(run: &Path) -> Value {
         let fields = event.as_object_mut().expect("an object");
         let _ = ["seq", "at", "elapsed_us", "boot_id", "link", "details", "record", "voltage_v", "current_a"]
             .map(|key| fields.remove(key));
+        // The samples are those of the run, and so are their digests.
+        let _ = ["bytes", "sha256", "journal_sha256"].map(|key| fields.remove(key));
         if let Some(bench) = fields.get_mut("header").and_then(|header| header["bench"].as_object_mut()) {
             bench.remove("port");
         }

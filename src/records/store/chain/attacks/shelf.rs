@@ -99,10 +99,11 @@ impl Shelf {
         let text = "name = \"functional\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nlimits.wrong_reads = \"<= 0\"\n";
         let plan = Plan::read("functional.toml", text.into(), &mut |_| Err(String::new())).unwrap();
         let time: chrono::DateTime<chrono::FixedOffset> = at.parse().unwrap();
+        let sha256 = crate::store::digest::of_plan(plan.files());
         let header = json!({
             "schema": "gnc-events/1", "serial_number": serial_number, "operator": null, "station": station,
             "program": { "name": "gnc-station", "version": "1.2" }, "bench": { "kind": bench }, "selection": null,
-            "loop": null, "plan": { "name": "functional", "version": "1", "sha256": "aa" },
+            "loop": null, "plan": { "name": "functional", "version": "1", "sha256": sha256 },
         });
         let end = (time + chrono::TimeDelta::seconds(9)).to_rfc3339();
         let mut events =

@@ -1,0 +1,141 @@
+//! Whether the files of a run say what its journal says. A station makes them from the journal and only then the digests; a
+//! file that was put there before that stands under digests that fit.
+
+use std::io;
+use std::path::Path;
+
+use gnc_executive::record::{ItemFile, RunRecord};
+use gnc_executive::state::RunState;
+use serde_json::Value;
+
+use super::captures;
+use super::digest;
+use super::reader::{self, MAX_RECORD_BYTES};
+use super::{ITEM, JOURNAL, PLAN, RECORD, StoreError, item_folder, name, pending};
+use crate::passport::{self, PASSPORT, PASSPORT_XML};
+
+/// What the files of a closed run say against its journal, a sentence each. `record_sha256` is the digest of the record, as a
+/// passport has it. A field that only one of both has is of another version, and says nothing.
+///
+/// # Errors
+/// The folder cannot be read.
+pub(super) fn unlike(run: &Path, state: RunState, record_sha256: &str) -> Result<Vec<String>, StoreError> {
+    let mut problems = Vec::new();
+    problems.extend(plan(run, &state));
+    problems.extend(items(run, &state));
+    problems.extend(raw(run, &state)?);
+    let bytes = bytes(run, RECORD);
+    // That it cannot be read was said with its digest.
+    let is_unread = bytes.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::PermissionDenied);
+    let stored = bytes.ok().and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
+    let record = RunRecord::of_folded(state);
+    let is_same = (stored.as_ref().zip(record.as_ref()))
+        .is_some_and(|(stored, folded)| folded.clone().closed_like(stored) == *stored);
+    if !is_same && !is_unread {
+        problems.push(format!("{RECORD} does not say what {JOURNAL} says"));
+    }
+    problems.extend(record.and_then(|record| passport(run, &record, record_sha256)));
+    Ok(problems)
+}
+
+/// A file of the run, under the name that it has now.
+fn bytes(run: &Path, file: &str) -> io::Result<Vec<u8>> {
+    let path = pending::path(run, file);
+    gnc_files::read_below(run, path.strip_prefix(run).unwrap_or(&path), MAX_RECORD_BYTES)
+}
+
+fn value(run: &Path, file: &str) -> Option<Value> {
+    serde_json::from_slice(&bytes(run, file).ok()?).ok()
+}
+
+fn exists(run: &Path, file: &str) -> bool {
+    pending::path(run, file).symlink_metadata().is_ok()
+}
+
+/// The plan that was filed is the one that the run followed.
+fn plan(run: &Path, state: &RunState) -> Option<String> {
+    let sha256 = &state.header()?.plan.sha256;
+    // What is missing is said by the digests.
+    let files = reader::plan(run).ok()?;
+    // Earlier versions named some files otherwise, and the name counts in the digest.
+    let names: Option<Vec<String>> = files.iter().map(|(filed, _)| name::part_of(filed)).collect();
+    let names = names?;
+    let files = names.iter().zip(&files).map(|(name, (_, text))| (name.as_str(), text.as_slice()));
+    (digest::of_plan(files) != *sha256).then(|| format!("{PLAN}/ does not hold the plan that {JOURNAL} names"))
+}
+
+/// The file of each item.
+fn items(run: &Path, state: &RunState) -> Vec<String> {
+    let mut problems = Vec::new();
+    for (position, row) in state.rows().iter().enumerate() {
+        let file = format!("{}/{ITEM}", item_folder(position, &row.planned.name));
+        // What is missing is said by the digests; an item without an end has no file.
+        if !exists(run, &file) {
+            continue;
+        }
+        let said = ItemFile::from_state(state, position).and_then(|item| serde_json::to_value(item).ok());
+        let is_same = value(run, &file).zip(said).is_some_and(|(stored, said)| agree(&stored, &said));
+        if !is_same {
+            problems.push(format!("{} does not say what {JOURNAL} says", gnc_text::shown_path(Path::new(&file))));
+        }
+    }
+    problems
+}
+
+/// Each raw file is of an attempt that the journal has.
+fn raw(run: &Path, state: &RunState) -> Result<Vec<String>, StoreError> {
+    let files = captures::files(run)?;
+    let stray = files.iter().map(|file| file.strip_prefix(run).unwrap_or(file));
+    let stray = stray.filter(|file| attempt(file).is_none_or(|(item, attempt)| !has_attempt(state, item, attempt)));
+    Ok(stray.map(|file| format!("{} is of no attempt that {JOURNAL} has", gnc_text::shown_path(file))).collect())
+}
+
+fn has_attempt(state: &RunState, item: usize, attempt: usize) -> bool {
+    let row = item.checked_sub(1).and_then(|position| state.rows().get(position));
+    row.is_some_and(|row| (1..=row.attempts.len()).contains(&attempt))
+}
+
+/// Number of the item and of the attempt, both from 1, by the path of a raw file: `02-rotation/attempt-1-3.mcap`.
+fn attempt(file: &Path) -> Option<(usize, usize)> {
+    let folder = file.parent()?.to_str()?;
+    let (item, _) = folder.split_once('-').filter(|_| !folder.contains('/'))?;
+    let attempt = file.file_stem()?.to_str()?.strip_prefix("attempt-")?;
+    let attempt = attempt.split_once('-').map_or(attempt, |(attempt, _)| attempt);
+    Some((item.parse().ok()?, attempt.parse().ok()?))
+}
+
+/// The passport is the one that follows from the journal, in both of its forms.
+fn passport(run: &Path, record: &RunRecord, record_sha256: &str) -> Option<String> {
+    if !exists(run, PASSPORT) {
+        return exists(run, PASSPORT_XML).then(|| format!("{PASSPORT_XML} is there without {PASSPORT}"));
+    }
+    let unlike = || Some(format!("{PASSPORT} does not say what {JOURNAL} says"));
+    let Some(stored) = value(run, PASSPORT) else { return unlike() };
+    let said = match passport::of_run(record, record_sha256, stored["origin"]["chain"].as_str()) {
+        Ok(said) => serde_json::to_value(said).ok(),
+        Err(why) => return Some(format!("{PASSPORT} is there, and by {JOURNAL} the run has none: {why}")),
+    };
+    if !said.is_some_and(|said| agree(&stored, &said)) {
+        return unlike();
+    }
+    let xml = bytes(run, PASSPORT_XML).ok();
+    let is_same = xml.is_some_and(|xml| passport::xml_of(&stored).is_ok_and(|said| said == xml));
+    (!is_same).then(|| format!("{PASSPORT_XML} does not say what {PASSPORT} says"))
+}
+
+/// Whether two values are the same in all that both have.
+fn agree(one: &Value, other: &Value) -> bool {
+    match (one, other) {
+        (Value::Object(one), Value::Object(other)) => {
+            one.iter().all(|(key, value)| other.get(key).is_none_or(|other| agree(value, other)))
+        }
+        (Value::Array(one), Value::Array(other)) => {
+            one.len() == other.len() && one.iter().zip(other).all(|(one, other)| agree(one, other))
+        }
+        (Value::Number(one), Value::Number(other)) => one == other || one.as_f64() == other.as_f64(),
+        (one, other) => one == other,
+    }
+}
+
+#[cfg(test)]
+mod tests;
