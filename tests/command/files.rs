@@ -19,7 +19,8 @@ const SPARSE_BYTES: u64 = 2 << 30;
 /// No message is longer.
 const LONGEST: usize = 16_000;
 
-const PLAN: &str = "name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\n[item.limits]\ncore1_register_errors = \"== 0\"\n";
+const PLAN: &str =
+    "name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"cpu\"\n[item.limits]\ncore1_register_errors = \"== 0\"\n";
 const BENCH: &str = "[station]\nid = \"a\"\nrecords = \"records\"\n";
 const SOCKET: &str = "[socket]\nport = \"/dev/ttyNOWHERE\"\n";
 const SIM: [&str; 6] = ["--sim-speed", "max", "--serial-number", "T-1", "--only", "cpu"];
@@ -123,7 +124,8 @@ fn said(kind: &Kind<'_>) -> String {
         }
         for args in kind.commands {
             let output = run(&place, args, *wrong == Denied);
-            let text = [&output.stdout[..], &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned()).concat();
+            let text =
+                [&output.stdout[..], &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned()).concat();
             assert!(text.len() < LONGEST && !text.contains("panicked"), "{wrong:?} {args:?}: {text}");
             let code = output.status.code().unwrap_or_else(|| panic!("{wrong:?} {args:?} was killed: {text}"));
             let mut text = text.replace(&*place.path().to_string_lossy(), "PLACE");
@@ -131,7 +133,9 @@ fn said(kind: &Kind<'_>) -> String {
                 text = text.replace(run, "RUN").replace(run.trim_start_matches("records/"), "RUN").replace(day, "DAY");
             }
             let lines = text.lines().filter(|line| {
-                kind.about.is_empty() || line.starts_with("  try: ") || kind.about.iter().any(|word| line.contains(word))
+                kind.about.is_empty()
+                    || line.starts_with("  try: ")
+                    || kind.about.iter().any(|word| line.contains(word))
             });
             all.push_str(&format!("# {wrong:?}: {} -> {code}\n", args.join(" ")));
             lines.for_each(|line| all.push_str(&format!("{}\n", line.trim_end())));
@@ -152,7 +156,12 @@ fn with_plan(place: &Place, plan: &str) -> PathBuf {
 #[test]
 fn files_of_plans() {
     let auto = [&["--auto", "p.toml", "--sim"][..], &SIM].concat();
-    let plan = Kind { make: &|place| with_plan(place, PLAN), commands: &[&["plan", "check", "p.toml"], &auto], about: &[], wrong: &ALL };
+    let plan = Kind {
+        make: &|place| with_plan(place, PLAN),
+        commands: &[&["plan", "check", "p.toml"], &auto],
+        about: &[],
+        wrong: &ALL,
+    };
     assert_snapshot!("file-plan", said(&plan));
     let include = Kind {
         make: &|place| {
@@ -291,8 +300,14 @@ fn the_doctor_tries_the_key() {
     let doctor = || place.run(["doctor"]).stdout;
     let digest = std::process::Command::new("sha256sum").arg(at("k.pub")).output().expect("sha256sum").stdout;
     let digest = String::from_utf8_lossy(&digest).split(' ').next().unwrap_or_default().to_owned();
-    assert!(doctor().contains(&format!("ok       the key k signs; the fingerprint of its public half is {digest}\n")), "{}", doctor());
-    let about = |said: String| said.lines().filter(|line| line.contains('k')).map(|line| line.replace(&digest, "ITS")).collect::<Vec<_>>();
+    assert!(
+        doctor().contains(&format!("ok       the key k signs; the fingerprint of its public half is {digest}\n")),
+        "{}",
+        doctor()
+    );
+    let about = |said: String| {
+        said.lines().filter(|line| line.contains('k')).map(|line| line.replace(&digest, "ITS")).collect::<Vec<_>>()
+    };
     let line = |said: String, word: &str| {
         about(said).into_iter().find(|line| line.contains(word)).unwrap_or_else(|| panic!("no {word}"))
     };
@@ -370,7 +385,7 @@ fn files_of_records() {
             "records".into()
         },
         commands: &[&["doctor"], &["records", "list"], &auto],
-        about: &["records "],
+        about: &["cannot go to", "records folder", "cannot create", "cannot read records"],
         wrong: &[Pipe, Device, Circle, Denied, Empty],
     };
     assert_snapshot!("file-records", said(&folder));
