@@ -252,12 +252,24 @@ impl Plan {
     ///
     /// # Errors
     /// All mistakes of meaning in all files; or the first syntax error alone.
-    pub fn read<E: Into<UnreadInclude>>(
+    pub fn read(
         name: &str,
         bytes: Vec<u8>,
-        load: &mut dyn FnMut(&str) -> Result<Vec<u8>, E>,
+        load: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
     ) -> Result<Plan, Mistakes> {
         closure::read(name, bytes, &mut |include| load(include).map_err(Into::into))
+    }
+
+    /// The same; `load` also says what can be tried with an include that cannot be read.
+    ///
+    /// # Errors
+    /// As [`Plan::read`].
+    pub fn read_from(
+        name: &str,
+        bytes: Vec<u8>,
+        load: &mut dyn FnMut(&str) -> Result<Vec<u8>, UnreadInclude>,
+    ) -> Result<Plan, Mistakes> {
+        closure::read(name, bytes, load)
     }
 
     /// The items in the order of running: setup, tests, teardown. Within each phase the items of includes come first.

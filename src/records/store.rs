@@ -99,13 +99,19 @@ impl StoreError {
     /// What the operator can try.
     #[must_use]
     pub fn try_this(&self) -> &'static str {
-        let source = match self {
-            Self::File { source, .. } => source,
+        let (path, source) = match self {
+            Self::File { path, source, .. } => (path, source),
             Self::MayStand(error) => return error.try_this(),
             _ => return "look at the first error of the record; if there is none, report this",
         };
+        if gnc_files::is_refused(source).is_some() && path.ends_with(chain::COUNTER) {
+            return "a station did not put that there: move it away; the next start makes COUNTER again from the chain";
+        }
         if gnc_files::is_refused(source).is_some() {
             return "a station did not put that there: move it away, and bring the file back from a backup";
+        }
+        if source.raw_os_error() == Some(nix::errno::Errno::ELOOP as i32) {
+            return "a link has that name; choose another folder with --records";
         }
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "make room on the disk and run again",

@@ -53,7 +53,7 @@ fn checked(
             _ => UnreadInclude { why: error.to_string(), try_this: Some(how_to_read(&error)) },
         })
     };
-    let plan = Plan::read(&path.to_string_lossy(), bytes, &mut load);
+    let plan = Plan::read_from(&path.to_string_lossy(), bytes, &mut load);
     plan.and_then(look).and_then(CheckedPlan::new).map_err(|mistakes| CommandRefusal::new(mistakes, ""))
 }
 
@@ -223,6 +223,7 @@ pub(crate) fn is_there(path: &Path) -> bool {
 pub(crate) fn how_to_read(error: &io::Error) -> &'static str {
     match (is_refused(error), error.kind()) {
         (Some(Refused::Folder), _) => "name the file in that folder",
+        (Some(Refused::TooLong { .. }), _) => "is this the right file?",
         (Some(Refused::Link | Refused::Circle), _) => "name the file itself and not the link",
         (Some(_), _) => "name a file; what a program writes, save as a file first",
         (None, io::ErrorKind::PermissionDenied) => "make it readable for this user",

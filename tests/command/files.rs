@@ -385,7 +385,7 @@ fn files_of_records() {
             "records".into()
         },
         commands: &[&["doctor"], &["records", "list"], &auto],
-        about: &["records "],
+        about: &["cannot go to", "records folder", "cannot create", "cannot read records"],
         wrong: &[Pipe, Device, Circle, Denied, Empty],
     };
     assert_snapshot!("file-records", said(&folder));

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use gnc_analysis::motion::watch::Spoilt;
 use gnc_board::BoardError;
-use gnc_executive::catalogue::{TEMPERATURE, TEMPERATURE_DRIFT};
+use gnc_executive::catalogue::ports::FRAMES_LOST;
+use gnc_executive::catalogue::{ItemId, TEMPERATURE, TEMPERATURE_DRIFT};
 use gnc_executive::event::AttemptError;
 use gnc_executive::measurement::Measurement;
 use gnc_executive::outcome::Outcome;
@@ -25,6 +26,11 @@ pub(super) fn judge(
 ) -> (Outcome, Option<AttemptError>) {
     let Some(trouble) = trouble else {
         let outcome = item.attempt_outcome(measured);
+        if let (Outcome::Failed, Some(stood)) = (outcome, stood.filter(|_| only_waited_for(item, measured))) {
+            let what = format!("{} is outside its limit", FRAMES_LOST.name);
+            let (text, hint) = (stood_still(stood, &what), KEEP_AWAKE.to_owned());
+            return (Outcome::Errored, Some(AttemptError { text, hint, again: false }));
+        }
         let missing: Vec<&str> = item.missing(measured).collect();
         let error = (outcome == Outcome::Errored && !missing.is_empty()).then(|| AttemptError {
             text: format!("the item did not measure {}", missing.join(", ")),
@@ -60,17 +66,27 @@ pub(super) fn judge(
     };
     // A fault of the module stays one, however the station stood. Where it cannot tell, that it stood still is the first thing to know.
     let (text, hint) = match stood.filter(|_| outcome == Outcome::Errored) {
-        Some(stood) => (
-            format!(
-                "the station itself stood still for {:.1} s in this attempt, so nothing counts that it missed: {}",
-                stood.as_secs_f64(),
-                with_causes(trouble)
-            ),
-            "keep the computer awake, do not hold the program, and end other programs that need the whole computer; then test again",
-        ),
+        Some(stood) => (stood_still(stood, &with_causes(trouble)), KEEP_AWAKE),
         None => (with_causes(trouble), trouble.try_this()),
     };
     (outcome, Some(AttemptError { text, hint: hint.to_owned(), again: false }))
+}
+
+/// What can be tried if the station stood still.
+const KEEP_AWAKE: &str = "keep the computer awake, do not hold the program, and end other programs that need the whole computer; then test again";
+
+fn stood_still(stood: Duration, what: &str) -> String {
+    let stood_s = stood.as_secs_f64();
+    format!(
+        "the station itself stood still for {stood_s:.1} s in this attempt, so nothing counts that it missed: {what}"
+    )
+}
+
+/// Whether an attempt fails only by frames of CAN that did not come in time. Their time is that of the station: all other items wait by
+/// the board's clock.
+fn only_waited_for(item: &PlanItem, measured: &[Measurement]) -> bool {
+    let mut failed = measured.iter().filter(|measurement| measurement.outcome == Some(Outcome::Failed));
+    item.id == ItemId::Can && failed.all(|measurement| measurement.name == FRAMES_LOST.name)
 }
 
 /// The doubt about an attempt that fails by its temperatures alone, if a part of its captures is of an earlier run.
@@ -96,6 +112,33 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    /// Frames that a station did not wait for are no fault of the module. All else that it measured is.
+    #[test]
+    fn lost_frames_do_not_count_if_the_station_stood_still() {
+        let text = b"name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"can\"\n[item.limits]\nframes_lost = \"<= 0\"\nframes_altered = \"<= 0\"\n";
+        let plan = Plan::read("p.toml", text.to_vec(), &mut |name| Err(name.to_owned())).unwrap();
+        let item = &plan.items()[0];
+        let count = |name: &str, outcome: &str| {
+            let json = json!({
+                "name": name, "value": 1.0, "unit": null, "low": null, "high": 0.0, "expected": null, "outcome": outcome,
+            });
+            serde_json::from_value::<Measurement>(json).unwrap()
+        };
+        let stood = Some(Duration::from_secs(2));
+        let both = |lost: &str, altered: &str| vec![count("frames_lost", lost), count("frames_altered", altered)];
+        for (measured, stood, expected) in [
+            (both("failed", "passed"), stood, Outcome::Errored),
+            (both("failed", "passed"), None, Outcome::Failed),
+            (both("failed", "failed"), stood, Outcome::Failed),
+            (both("passed", "failed"), stood, Outcome::Failed),
+            (both("passed", "passed"), stood, Outcome::Passed),
+        ] {
+            let (outcome, error) = judge(item, &measured, None, stood);
+            assert_eq!(outcome, expected, "{measured:?}");
+            assert_eq!(error.is_some(), expected == Outcome::Errored, "{error:?}");
+        }
+    }
 
     /// A station that is held just when a bad module shows itself does not get a second try for it.
     #[test]

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use chrono::Local;
 use gnc_bench::runner::Doing;
 use gnc_board::Readings;
+use nix::sys::signal::{Signal, raise};
 use ratatui::Terminal;
 use ratatui::backend::Backend;
 use ratatui::layout::{Position, Rect};
@@ -107,6 +108,11 @@ pub(crate) async fn show<B: Backend>(
         }
         for msg in arrived {
             let Some(command) = update(model, msg) else { continue };
+            if command == Effect::Raise {
+                // Without a signal the program goes on as it did.
+                let _ = raise(Signal::SIGINT);
+                continue;
+            }
             let leaves = command == Effect::Leave;
             if commands.send(command).await.is_err() || leaves {
                 return Ok(LoopEnd::Left);

@@ -150,6 +150,9 @@ pub(crate) enum Effect {
     /// Read the run's record, since events were missed.
     Refold(PathBuf),
     Leave,
+    /// Send this process the signal of an interrupt: the run does not end by commands. The screen does it itself, since the session may
+    /// hear nothing.
+    Raise,
 }
 
 /// A run that is asked for.

@@ -237,10 +237,15 @@ fn stop_anyway(model: &mut ScreenModel) -> Option<Effect> {
     stop(model)
 }
 
-/// Ctrl-C: what is on is stopped, a question of a start is answered with no, and where nothing is on the program ends.
+/// Stops of a run that the session can carry out: in order, and at once.
+const STOPS: u32 = 2;
+
+/// Ctrl-C: what is on is stopped, a question of a start is answered with no, and where nothing is on the program ends. A run that is
+/// still there after it was stopped at once waits for a disk or a lock: from then on ctrl-C is the signal that it is elsewhere.
 fn interrupt(model: &mut ScreenModel, place: KeyContext) -> Option<Effect> {
     match place {
         KeyContext::Stopping => stop_anyway(model),
+        _ if model.run.as_ref().is_some_and(|run| !run.over && run.stops >= STOPS) => Some(Effect::Raise),
         _ if model.is_running() || model.watching => stop_or_ask(model),
         _ if is_asking(place) => start::answer(model, KeyAction::No).unwrap_or_else(|| answer(model, false)),
         _ => leave(model),
