@@ -42,7 +42,7 @@ pub(super) fn days(records: &Path) -> Result<Vec<Day>, String> {
 pub(super) fn runs(records: &Path, day: String) -> Result<Runs, String> {
     let (found, cut) = reader::of_day(records, &day, MAX_RUNS).map_err(|error| with_causes(&error))?;
     let mut late_closes = LateCloses::default();
-    let mut lines: Vec<RunLine> = found.into_iter().rev().map(|found| line(found, &mut late_closes)).collect();
+    let mut lines: Vec<RunLine> = found.rev().map(|found| line(found, &mut late_closes)).collect();
     // It keeps the order of those that are alike.
     lines.sort_by(|a, b| a.serial_number.cmp(&b.serial_number));
     Ok(Runs { day, lines, cut })
