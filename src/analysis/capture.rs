@@ -7,6 +7,10 @@ use gnc_protocol::stream::{ImuSample, Losses};
 use gnc_rig::Along;
 use serde::{Deserialize, Serialize};
 
+/// Most samples of an attempt: a day at 200 Hz has 17 million. They take 40 bytes of memory each, or 48 if the board compensates
+/// them: less than a gigabyte in all.
+pub const MOST_SAMPLES: usize = 20_000_000;
+
 /// Samples of the IMU without a gap, on the board's clock.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Capture {

@@ -8,6 +8,7 @@
 //! event names. Such a journal is refused as [`JournalError::Newer`]; it is not damaged. Any other journal that cannot
 //! be read is damaged. A misspelt name looks like a new one: only the digests of the record tell the two apart.
 
+mod kept;
 mod lines;
 mod newer;
 
@@ -16,6 +17,7 @@ use std::io::{self, BufRead};
 use crate::event::{EVENTS_SCHEMA, Event, EventKind, SELECTION_SCHEMA};
 use crate::state::{OutOfOrder, RunState};
 
+pub use kept::{Kept, MOST_KEPT};
 pub use lines::{JournalLines, LONGEST_LINE};
 pub use newer::Unknown;
 
@@ -63,6 +65,12 @@ pub enum JournalError {
     /// No version of the station writes such a line.
     #[error("line {line} of the journal is longer than {LONGEST_LINE} bytes")]
     LineTooLong {
+        /// Number of the line, from 1.
+        line: usize,
+    },
+    /// No run of the station says so much.
+    #[error("up to line {line} the journal would take more than {} MiB of memory", MOST_KEPT >> 20)]
+    TooMuch {
         /// Number of the line, from 1.
         line: usize,
     },
@@ -116,6 +124,7 @@ pub fn fold(bytes: &[u8]) -> Result<StoredJournal, JournalError> {
 pub fn fold_from(source: impl BufRead) -> Result<StoredJournal, FoldError> {
     let mut lines = JournalLines::new(source);
     let mut state = RunState::new();
+    let mut kept = Kept::default();
     let mut good_bytes = 0;
     while let Some(piece) = lines.next_line()? {
         let line = piece.number;
@@ -137,6 +146,10 @@ pub fn fold_from(source: impl BufRead) -> Result<StoredJournal, FoldError> {
                 None => JournalError::OtherSchema { line, schema },
             }
             .into());
+        }
+        // The state keeps the first notes only, and the journal of a long run may have many.
+        if !matches!(event.kind, EventKind::Note { .. }) || !state.has_all_notes() {
+            kept.add(line, piece.bytes.len(), &event.kind)?;
         }
         good_bytes += piece.bytes.len();
         state.apply(&event).map_err(|source| JournalError::OutOfOrder { line, source })?;

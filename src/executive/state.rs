@@ -288,6 +288,11 @@ impl RunState {
         &self.notes
     }
 
+    /// Whether notes that follow are in the journal alone.
+    pub(crate) fn has_all_notes(&self) -> bool {
+        self.notes.len() >= MAX_NOTES
+    }
+
     /// How a stop was requested, and by what; the strongest request counts.
     pub fn stop(&self) -> Option<(StopHow, &str)> {
         self.stop.as_ref().map(|(how, by)| (*how, by.as_str()))

@@ -4,7 +4,7 @@ use gnc_executive::plan::{Params, PlanItem};
 use gnc_executive::quantity::Unit;
 
 use super::{DisplayDuration, GYRO_RANGE_DPS, MotionStep, program};
-use crate::capture::Pose;
+use crate::capture::{MOST_SAMPLES, Pose};
 
 /// Returns the mistakes in the motion of an item, each with what to try.
 #[must_use]
@@ -24,6 +24,14 @@ pub fn mistakes(item: &PlanItem) -> Vec<(String, &'static str)> {
             DisplayDuration(item.timeout_s)
         );
         found.push((what, "raise its timeout, or make its captures shorter"));
+    }
+    if program.samples() > MOST_SAMPLES as u64 {
+        let what = format!(
+            "{} captures {} samples, and the record of an attempt holds at most {MOST_SAMPLES}",
+            item.id,
+            program.samples()
+        );
+        found.push((what, "capture for a shorter time, or at a lower rate"));
     }
     let most = program.steps.iter().filter_map(|step| match step {
         MotionStep::Capture { about, .. } => match about.pose {

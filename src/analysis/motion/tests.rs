@@ -344,6 +344,23 @@ fn a_turn_beyond_the_range_is_refused_with_the_arithmetic() {
     );
 }
 
+/// By hand: six times an hour at 900 Hz are 19.44 million samples, at 1000 Hz 21.6 million. A record with these could not be read
+/// again.
+#[test]
+fn more_samples_than_a_record_holds_are_refused() {
+    let check = |rate: u16| {
+        let text = format!(
+            "name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"six-position\"\nphase = \"setup\"\ntimeout = \"24 h\"\n\
+             params = {{ dwell = \"3600 s\", rate = \"{rate} Hz\" }}\n"
+        );
+        let plan = Plan::read("p.toml", text.into(), &mut |_| Err("no include".into())).unwrap();
+        mistakes(&plan.items()[0]).into_iter().map(|(what, _)| what).collect::<Vec<_>>()
+    };
+    assert_eq!(check(900), [""; 0]);
+    let what = "six-position captures 21600000 samples, and the record of an attempt holds at most 20000000";
+    assert_eq!(check(1000), [what]);
+}
+
 /// By hand: the rest of a program when some of its captures exist.
 #[test]
 fn a_program_goes_on_where_it_broke_off() {

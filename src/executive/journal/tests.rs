@@ -355,3 +355,54 @@ fn a_line_without_an_end_is_refused() {
     let journal = fold_from(std::io::BufReader::with_capacity(1 << 20, zeros)).unwrap();
     assert_eq!((journal.good_bytes, journal.cut_bytes), (0, 1 << 30));
 }
+
+/// Lines that are made when they are asked for.
+struct Made<F> {
+    rest: io::Cursor<Vec<u8>>,
+    next: F,
+}
+
+impl<F: FnMut() -> Vec<u8>> io::Read for Made<F> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.rest.position() == self.rest.get_ref().len() as u64 {
+            self.rest = io::Cursor::new((self.next)());
+        }
+        self.rest.read(buffer)
+    }
+}
+
+/// A journal without an end is refused before it fills the memory. Notes that the state does not keep cost nothing.
+#[test]
+fn a_journal_that_would_fill_the_memory_is_refused() {
+    let (_, _, events) = stored();
+    let first = events.iter().position(|event| event.kind.name() == "measured").unwrap();
+    let endless = |kind: EventKind| {
+        let mut events = events[..first].to_vec();
+        let mut model = events[first - 1].clone();
+        model.kind = kind;
+        let (mut lines, mut count) = (0_usize, 0_usize);
+        events.reverse();
+        let next = move || {
+            let event = events.pop().unwrap_or_else(|| {
+                model.seq += 1;
+                model.clone()
+            });
+            lines += 1;
+            count += usize::from(events.is_empty());
+            if count > 2000 { Vec::new() } else { line(&event).unwrap().into_bytes() }
+        };
+        fold_from(io::BufReader::new(Made { rest: io::Cursor::new(Vec::new()), next }))
+    };
+    let mut measured = events[first].kind.clone();
+    if let EventKind::Measured { measurement, .. } = &mut measured {
+        measurement.value = crate::measurement::Reading::Text("x".repeat(16 << 20));
+    }
+    let refused = endless(measured).unwrap_err();
+    // 16 MiB cost twice as much, and 12 of them are all.
+    let last = first + 12;
+    assert!(matches!(&refused, FoldError::Journal(JournalError::TooMuch { line }) if *line == last), "{refused}");
+    assert_eq!(refused.to_string(), format!("up to line {last} the journal would take more than 384 MiB of memory"));
+
+    let note = EventKind::Note { level: NoteLevel::Info, text: "x".repeat(100_000), item: None };
+    assert_eq!(endless(note).unwrap().state.notes().len(), 1000);
+}

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read};
 
-use gnc_analysis::capture::{Capture, CaptureHead, HostView, ReceiverCapture, Said, Timing};
+use gnc_analysis::capture::{Capture, CaptureHead, HostView, MOST_SAMPLES, ReceiverCapture, Said, Timing};
 use gnc_protocol::stream::Losses;
 use mcap::McapError;
 use mcap::records::{Record, op};
@@ -22,12 +22,12 @@ const LONGEST_RECORD: usize = 64 << 20;
 /// Longest record that names things: those of this station have a few hundred bytes. Each of their entries takes ten times as
 /// much in memory as in the file.
 const LONGEST_NAMES: usize = 1 << 20;
-/// Bound on the samples of one file: a day at 200 Hz has 17 million. More would only take memory.
-const MOST_SAMPLES: usize = 32_000_000;
 /// Bound on the captures of one file: no calibration uses 10,000 positions.
 const MOST_CAPTURES: usize = 10_000;
-/// Bound on the bytes of the receiver: a day of 1 kB a second.
+/// Bound on the bytes of the receiver, and on those of texts: a day of 1 kB a second.
 const MOST_BYTES: usize = 100_000_000;
+/// Bound on the pieces in which the receiver's bytes come: a day of 46 a second. Each takes some 64 bytes beside its own.
+const MOST_PIECES: usize = 4_000_000;
 
 /// The content of a file.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -289,6 +289,7 @@ struct Found {
     origin: Option<RawOrigin>,
     samples: usize,
     bytes: usize,
+    pieces: usize,
     /// Everything that follows repeats earlier content.
     past_data: bool,
     /// The end of the file was written later.
@@ -370,9 +371,10 @@ impl Found {
                 let Some((board_time_us, bytes)) = get_bytes(data) else {
                     return Err(self.foreign(format!("{name} cannot be read")));
                 };
-                self.bytes += bytes.len();
-                if self.bytes > MOST_BYTES {
-                    return Err(RawError::TooMuch { most: MOST_BYTES, what: "bytes of the receiver" });
+                self.spend(bytes.len())?;
+                self.pieces += 1;
+                if self.pieces > MOST_PIECES {
+                    return Err(RawError::TooMuch { most: MOST_PIECES, what: "pieces of the receiver's bytes" });
                 }
                 let bytes = bytes.to_vec();
                 self.open(name)?.receiver.said.push(Said { board_time_us, bytes });
@@ -382,17 +384,24 @@ impl Found {
                 let Some(board_time_ns) = get_edge(data) else {
                     return Err(self.foreign(format!("{name} cannot be read")));
                 };
-                self.bytes += size_of::<u64>();
-                if self.bytes > MOST_BYTES {
-                    return Err(RawError::TooMuch { most: MOST_BYTES, what: "bytes of the receiver" });
-                }
+                self.spend(size_of::<u64>())?;
                 self.open(name)?.receiver.pulses_ns.push(board_time_ns);
                 Ok(())
             }
         }
     }
 
+    /// Counts bytes that are kept beside the samples.
+    fn spend(&mut self, bytes: usize) -> Result<(), RawError> {
+        self.bytes = self.bytes.saturating_add(bytes);
+        if self.bytes > MOST_BYTES {
+            return Err(RawError::TooMuch { most: MOST_BYTES, what: "bytes of the receiver and of texts" });
+        }
+        Ok(())
+    }
+
     fn begin(&mut self, about: CaptureHead, time_ns: u64) -> Result<(), RawError> {
+        self.spend(about.label.len())?;
         if let Some(open) = &self.open {
             let what = format!("a capture begins in the middle of `{}`", open.about.label);
             return Err(self.foreign(what));
@@ -420,6 +429,9 @@ impl Found {
         let Some(mut capture) = self.open.take() else {
             return Err(self.foreign("a capture ends before it begins".into()));
         };
+        if let HostView::Nothing(why) = &host {
+            self.spend(why.len())?;
+        }
         capture.losses = losses;
         capture.timing.host = host;
         capture.samples.shrink_to_fit();
@@ -515,5 +527,27 @@ mod tests {
         for length in 0..64 {
             Found::default().record(op::ATTACHMENT, &vec![0; length]).unwrap();
         }
+    }
+
+    /// Pieces of one byte take more memory than their bytes, and labels are kept as well.
+    #[test]
+    fn what_is_kept_beside_the_samples_has_a_bound() {
+        let begun = |label: String| {
+            let mut found = Found::default();
+            let pose = gnc_analysis::capture::Pose::Still { up: [0.0, 0.0, 1.0], heading_deg: 0.0 };
+            found.begin(CaptureHead { label, series: 0, pose, rate_hz: 100 }, 0).map(|()| found)
+        };
+        let mut found = begun("x".into()).unwrap();
+        found.pieces = MOST_PIECES;
+        let mut piece = Vec::new();
+        super::super::sample::put_bytes(&mut piece, 0, b"$");
+        let error = found.message(Topic::Gnss, (0, 0), &piece).unwrap_err();
+        assert!(matches!(error, RawError::TooMuch { most: MOST_PIECES, .. }), "{error}");
+
+        let error = begun("x".repeat(MOST_BYTES + 1)).err().unwrap();
+        assert!(matches!(error, RawError::TooMuch { most: MOST_BYTES, .. }), "{error}");
+        let mut found = begun("x".into()).unwrap();
+        let error = found.end(Losses::default(), HostView::Nothing("x".repeat(MOST_BYTES))).unwrap_err();
+        assert!(matches!(error, RawError::TooMuch { most: MOST_BYTES, .. }), "{error}");
     }
 }

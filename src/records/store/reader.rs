@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use chrono::NaiveDate;
 use gnc_executive::event::Event;
-use gnc_executive::journal::{self, FoldError, JournalError, JournalLines, Unknown};
+use gnc_executive::journal::{self, FoldError, JournalError, JournalLines, Kept, Unknown};
 use gnc_executive::plan::{MAX_PLAN_BYTES, MAX_PLAN_FILES};
 use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
@@ -26,8 +26,12 @@ use super::{
 /// station.
 const MAX_JOURNAL_BYTES: u64 = 1 << 30;
 
-/// Longest record for programs, and paper: a record holds what its journal says, in less than a quarter of the bytes.
-pub(crate) const MAX_RECORD_BYTES: u64 = 256 << 20;
+/// Longest record for programs. It becomes up to eight times as long in memory, beside what its journal says; that of an acceptance
+/// has 1 MB.
+pub(crate) const MAX_RECORD_BYTES: u64 = 64 << 20;
+
+/// Longest paper: a report has what the record has, and pictures.
+const MAX_PAPER_BYTES: u64 = 256 << 20;
 
 /// Longest list of digests: that of a run of 20,000 items with all of their files.
 const MAX_DIGESTS_BYTES: u64 = 64 << 20;
@@ -47,7 +51,7 @@ pub enum ReadError {
         source: io::Error,
     },
     /// The file is longer than any journal.
-    #[error("{} is longer than any journal", gnc_text::shown_path(path))]
+    #[error("{} is longer than any journal, which has at most {} MiB", gnc_text::shown_path(path), MAX_JOURNAL_BYTES >> 20)]
     TooLong {
         /// The journal.
         path: PathBuf,
@@ -300,16 +304,21 @@ pub fn newest_day(records: &Path) -> Option<NaiveDate> {
     folders(records).ok()?.iter().filter_map(|folder| day_of(folder)).max()
 }
 
-/// At most `limit` runs of a day, newest first, and whether there are more.
+/// At most `limit` runs of a day, newest first, and whether there are more. Each is read when it is asked for: thousands of
+/// long records would fill the memory.
 ///
 /// # Errors
 /// The day's folder cannot be read.
-pub fn of_day(records: &Path, day: &str, limit: usize) -> Result<(Vec<FoundRun>, bool), StoreError> {
+pub fn of_day(
+    records: &Path,
+    day: &str,
+    limit: usize,
+) -> Result<(impl DoubleEndedIterator<Item = FoundRun> + use<>, bool), StoreError> {
     let mut paths = chain::by_close(records, paths_of_day(records, day)?);
     let cut = paths.len() > limit;
     paths.reverse();
     paths.truncate(limit);
-    Ok((paths.into_iter().map(found).collect(), cut))
+    Ok((paths.into_iter().map(found), cut))
 }
 
 /// The runs of one module on a day, oldest first, also those of a newer version; empty if the folder cannot be read.
@@ -450,10 +459,13 @@ pub fn fold(folder: &Path) -> Result<RunState, ReadError> {
 pub fn events(folder: &Path) -> Result<Vec<Event>, ReadError> {
     let path = folder.join(JOURNAL);
     let mut lines = JournalLines::new(open_journal(&path)?);
-    let mut events = Vec::new();
+    let mut events: Vec<Event> = Vec::new();
+    let mut kept = Kept::default();
     while let Some(line) = lines.next_line().map_err(|error| ReadError::of_fold(path.clone(), error))? {
         // In an interrupted run the last line may be cut off; the fold found all others good.
-        let Ok(event) = serde_json::from_slice(line.bytes) else { break };
+        let Ok(event) = serde_json::from_slice::<Event>(line.bytes) else { break };
+        let counted = kept.add(line.number, line.bytes.len(), &event.kind);
+        counted.map_err(|error| ReadError::of_fold(path.clone(), error.into()))?;
         events.push(event);
     }
     Ok(events)
@@ -486,7 +498,7 @@ pub fn plan(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, ReadError> {
 /// # Errors
 /// The error of the system.
 pub fn paper(folder: &Path, name: &str) -> std::io::Result<Vec<u8>> {
-    gnc_files::whole(pending::open(folder, name)?, MAX_RECORD_BYTES)
+    gnc_files::whole(pending::open(folder, name)?, MAX_PAPER_BYTES)
 }
 
 /// A journal that is read line by line: a long one would take as much memory as its file.

@@ -117,7 +117,7 @@ fn includes_are_bounded() {
     let mut asked = 0;
     let mistakes = Plan::read("root.toml", root.into_bytes(), &mut |_| {
         asked += 1;
-        Ok(b"name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nphase = \"setup\"\n".to_vec())
+        Ok::<_, String>(b"name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nphase = \"setup\"\n".to_vec())
     })
     .unwrap_err();
     assert_eq!(asked, 31);

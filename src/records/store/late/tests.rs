@@ -12,7 +12,7 @@ use super::*;
 use crate::shift::{ShiftBook, ShiftOf};
 use crate::standing::Seals;
 use crate::store::chain::{CHAIN, COUNTER, LateCloses};
-use crate::store::recovery::tests::{close_as, plan_sha256};
+use crate::store::recovery::tests::{PLAN_TEXT, close_as, plan_sha256};
 use crate::store::{LOG, PLAN, SIGNATURE};
 
 const DAY: &str = "2026-11-28";
@@ -21,13 +21,6 @@ const SEALED: &str = "2026-11-28T16:00:00+08:00";
 
 fn time(text: &str) -> DateTime<FixedOffset> {
     text.parse().unwrap()
-}
-
-/// The plan that each run follows.
-const PLAN_TEXT: &str = "name = \"functional\"";
-
-fn plan_sha256() -> String {
-    crate::store::digest::of_plan([("functional.toml", PLAN_TEXT.as_bytes())].into_iter())
 }
 
 /// The journal of a whole run of no items that passed.

@@ -15,7 +15,7 @@ const DAY: &str = "2026-11-28";
 const STATION: &str = "bench 1";
 
 /// The plan that each run follows.
-const PLAN_TEXT: &str = "name = \"functional\"";
+pub(in crate::store) const PLAN_TEXT: &str = "name = \"functional\"";
 
 fn at() -> DateTime<FixedOffset> {
     "2026-11-28T16:00:00+08:00".parse().unwrap()

@@ -44,7 +44,7 @@ pub(super) fn runs(records: &Path, day: String) -> Result<Runs, String> {
     let (found, cut) = reader::of_day(records, &day, MAX_RUNS).map_err(|error| with_causes(&error))?;
     let (mut late_closes, mut seals) = (LateCloses::default(), Seals::new(records));
     let line = |found| line(found, &mut late_closes, &mut seals);
-    let mut lines: Vec<RunLine> = found.into_iter().rev().map(line).collect();
+    let mut lines: Vec<RunLine> = found.rev().map(line).collect();
     // It keeps the order of those that are alike.
     lines.sort_by(|a, b| a.serial_number.cmp(&b.serial_number));
     Ok(Runs { day, lines, cut })
