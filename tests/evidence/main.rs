@@ -7,6 +7,7 @@
 
 mod attack;
 mod day;
+mod killed;
 mod quiet;
 mod rows;
 
@@ -51,7 +52,7 @@ impl Kept {
     /// The same, and a run that was killed and that no start has closed. What is kept elsewhere is of after the kill.
     fn with_a_killed_run() -> Self {
         let kept = Self::new();
-        day::killed(&kept.records(), &kept.key());
+        killed::killed(&kept.records(), &kept.key());
         std::fs::copy(kept.records().join("COUNTER"), &kept.counter).expect("a counter");
         let head = std::fs::read_to_string(&kept.counter).expect("a counter").trim_end().to_owned();
         Self { head, ..kept }
@@ -142,7 +143,7 @@ fn the_page_says_what_is_found() {
     let open_witnesses = open.witnesses();
     {
         let (_place, records) = copied(&open);
-        assert_eq!(day::start(&records, &open.key()).len(), 1);
+        assert_eq!(killed::start(&records, &open.key()).len(), 1);
         for witness in &open_witnesses {
             assert!(verify(&records, witness).0, "as written, {witness:?}");
         }
@@ -153,7 +154,7 @@ fn the_page_says_what_is_found() {
         let (place, records) = copied(kept);
         (row.attack)(&records);
         if is_open {
-            day::start(&records, &kept.key());
+            killed::start(&records, &kept.key());
         }
         let mut cells = Vec::new();
         said.push_str(&format!("## {}\n", row.what));

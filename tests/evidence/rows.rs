@@ -7,7 +7,7 @@ use gnc_records::raw::{self, RawWriter, pieces};
 use gnc_records::store::StationKey;
 
 use crate::attack::{Entry, chain_anew, plant, sha256, sums_anew, tree};
-use crate::day;
+use crate::{day, killed};
 
 /// One kind of attack.
 pub(crate) struct Row {
@@ -143,7 +143,7 @@ fn exchanged(records: &Path) {
     let file = records.join(KILLED).join(RAW);
     let own = raw::read(fs::File::open(&file).expect("a file")).expect("captures");
     let mut out = RawWriter::new(fs::File::create(&file).expect("room"), own.origin.as_ref()).expect("a head");
-    for piece in pieces(&day::capture("of another module")) {
+    for piece in pieces(&killed::capture("of another module")) {
         out.write(piece).expect("room");
     }
     out.finish().expect("room");
