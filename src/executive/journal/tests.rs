@@ -380,14 +380,13 @@ fn a_journal_that_would_fill_the_memory_is_refused() {
         let mut events = events[..first].to_vec();
         let mut model = events[first - 1].clone();
         model.kind = kind;
-        let (mut lines, mut count) = (0_usize, 0_usize);
+        let mut count = 0_usize;
         events.reverse();
         let next = move || {
             let event = events.pop().unwrap_or_else(|| {
                 model.seq += 1;
                 model.clone()
             });
-            lines += 1;
             count += usize::from(events.is_empty());
             if count > 2000 { Vec::new() } else { line(&event).unwrap().into_bytes() }
         };

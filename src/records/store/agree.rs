@@ -1,29 +1,30 @@
 //! Whether the files of a run say what its journal says. A station makes them from the journal and only then the digests; a
 //! file that was put there before that stands under digests that fit.
 
+use std::collections::HashMap;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use gnc_executive::record::{ItemFile, RunRecord};
 use gnc_executive::state::RunState;
 use serde_json::Value;
 
-use super::captures;
-use super::digest;
-use super::reader::{self, MAX_RECORD_BYTES};
-use super::{ITEM, JOURNAL, PLAN, RECORD, StoreError, item_folder, name, pending};
+use super::contents::PlanFiles;
+use super::reader::MAX_RECORD_BYTES;
+use super::{ITEM, JOURNAL, PLAN, RECORD, item_folder, pending};
 use crate::passport::{self, PASSPORT, PASSPORT_XML};
 
+/// Files of a run that are as they were closed, by their names, and their digests.
+type Known = HashMap<PathBuf, String>;
+
 /// What the files of a closed run say against its journal, a sentence each. `record_sha256` is the digest of the record, as a
-/// passport has it. A field that only one of both has is of another version, and says nothing.
-///
-/// # Errors
-/// The folder cannot be read.
-pub(super) fn unlike(run: &Path, state: RunState, record_sha256: &str) -> Result<Vec<String>, StoreError> {
+/// passport has it. `known` are the files that are as they were closed; all that is wrong with the others was said. A field that only
+/// one of both has is of another version, and says nothing.
+pub(super) fn unlike(run: &Path, state: RunState, record_sha256: &str, known: &Known) -> Vec<String> {
     let mut problems = Vec::new();
-    problems.extend(plan(run, &state));
-    problems.extend(items(run, &state));
-    problems.extend(raw(run, &state)?);
+    problems.extend(plan(run, &state, known));
+    problems.extend(items(run, &state, known));
+    problems.extend(raw(&state, known));
     let bytes = bytes(run, RECORD);
     // That it cannot be read was said with its digest.
     let is_unread = bytes.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::PermissionDenied);
@@ -34,8 +35,8 @@ pub(super) fn unlike(run: &Path, state: RunState, record_sha256: &str) -> Result
     if !is_same && !is_unread {
         problems.push(format!("{RECORD} does not say what {JOURNAL} says"));
     }
-    problems.extend(record.and_then(|record| passport(run, &record, record_sha256)));
-    Ok(problems)
+    problems.extend(record.and_then(|record| passport(run, &record, record_sha256, known)));
+    problems
 }
 
 /// A file of the run, under the name that it has now.
@@ -48,29 +49,20 @@ fn value(run: &Path, file: &str) -> Option<Value> {
     serde_json::from_slice(&bytes(run, file).ok()?).ok()
 }
 
-fn exists(run: &Path, file: &str) -> bool {
-    pending::path(run, file).symlink_metadata().is_ok()
-}
-
 /// The plan that was filed is the one that the run followed.
-fn plan(run: &Path, state: &RunState) -> Option<String> {
-    let sha256 = &state.header()?.plan.sha256;
-    // What is missing is said by the digests.
-    let files = reader::plan(run).ok()?;
-    // Earlier versions named some files otherwise, and the name counts in the digest.
-    let names: Option<Vec<String>> = files.iter().map(|(filed, _)| name::part_of(filed)).collect();
-    let names = names?;
-    let files = names.iter().zip(&files).map(|(name, (_, text))| (name.as_str(), text.as_slice()));
-    (digest::of_plan(files) != *sha256).then(|| format!("{PLAN}/ does not hold the plan that {JOURNAL} names"))
+fn plan(run: &Path, state: &RunState, known: &Known) -> Option<String> {
+    let filed = known.keys().filter(|file| file.starts_with(PLAN)).count();
+    (filed > 0 && PlanFiles::count_of(run, state) != filed)
+        .then(|| format!("{PLAN}/ does not hold the plan that {JOURNAL} names"))
 }
 
 /// The file of each item.
-fn items(run: &Path, state: &RunState) -> Vec<String> {
+fn items(run: &Path, state: &RunState, known: &Known) -> Vec<String> {
     let mut problems = Vec::new();
     for (position, row) in state.rows().iter().enumerate() {
         let file = format!("{}/{ITEM}", item_folder(position, &row.planned.name));
-        // What is missing is said by the digests; an item without an end has no file.
-        if !exists(run, &file) {
+        // An item without an end has no file.
+        if !known.contains_key(Path::new(&file)) {
             continue;
         }
         let said = ItemFile::from_state(state, position).and_then(|item| serde_json::to_value(item).ok());
@@ -83,11 +75,13 @@ fn items(run: &Path, state: &RunState) -> Vec<String> {
 }
 
 /// Each raw file is of an attempt that the journal has.
-fn raw(run: &Path, state: &RunState) -> Result<Vec<String>, StoreError> {
-    let files = captures::files(run)?;
-    let stray = files.iter().map(|file| file.strip_prefix(run).unwrap_or(file));
-    let stray = stray.filter(|file| attempt(file).is_none_or(|(item, attempt)| !has_attempt(state, item, attempt)));
-    Ok(stray.map(|file| format!("{} is of no attempt that {JOURNAL} has", gnc_text::shown_path(file))).collect())
+fn raw(state: &RunState, known: &Known) -> Vec<String> {
+    let raw = known.keys().filter(|file| file.extension().is_some_and(|extension| extension == "mcap"));
+    let stray = raw.filter(|file| attempt(file).is_none_or(|(item, attempt)| !has_attempt(state, item, attempt)));
+    let mut stray: Vec<_> =
+        stray.map(|file| format!("{} is of no attempt that {JOURNAL} has", gnc_text::shown_path(file))).collect();
+    stray.sort();
+    stray
 }
 
 fn has_attempt(state: &RunState, item: usize, attempt: usize) -> bool {
@@ -105,9 +99,11 @@ fn attempt(file: &Path) -> Option<(usize, usize)> {
 }
 
 /// The passport is the one that follows from the journal, in both of its forms.
-fn passport(run: &Path, record: &RunRecord, record_sha256: &str) -> Option<String> {
-    if !exists(run, PASSPORT) {
-        return exists(run, PASSPORT_XML).then(|| format!("{PASSPORT_XML} is there without {PASSPORT}"));
+fn passport(run: &Path, record: &RunRecord, record_sha256: &str, known: &Known) -> Option<String> {
+    let is_known = |file: &str| known.contains_key(Path::new(file));
+    if !is_known(PASSPORT) {
+        return (is_known(PASSPORT_XML) && !pending::path(run, PASSPORT).exists())
+            .then(|| format!("{PASSPORT_XML} is there without {PASSPORT}"));
     }
     let unlike = || Some(format!("{PASSPORT} does not say what {JOURNAL} says"));
     let Some(stored) = value(run, PASSPORT) else { return unlike() };
@@ -117,6 +113,9 @@ fn passport(run: &Path, record: &RunRecord, record_sha256: &str) -> Option<Strin
     };
     if !said.is_some_and(|said| agree(&stored, &said)) {
         return unlike();
+    }
+    if !is_known(PASSPORT_XML) {
+        return None;
     }
     let xml = bytes(run, PASSPORT_XML).ok();
     let is_same = xml.is_some_and(|xml| passport::xml_of(&stored).is_ok_and(|said| said == xml));

@@ -29,6 +29,14 @@ pub(super) enum PlanFiles {
 }
 
 impl PlanFiles {
+    /// Number of files in which the folder of a run has the plan that its journal names, as far as their names tell.
+    pub(super) fn count_of(run: &Path, state: &RunState) -> usize {
+        match Self::found(run, state) {
+            Self::Found(files) => files.len(),
+            _ => 0,
+        }
+    }
+
     /// The files that were found for a run, in the order of their numbers. Without those that its journal names, none.
     pub(super) fn found(run: &Path, state: &RunState) -> Self {
         let all = digest::files_below(&run.join(PLAN)).unwrap_or_default();

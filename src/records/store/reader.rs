@@ -665,7 +665,9 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
                 problems.push(format!("{} was replaced by something that is not a file", gnc_text::shown_path(&file)));
             }
             Some(digest) => match digest::of_file(&folder.join(&file)) {
-                Ok(found) if found == digest => drop(known.insert(file, digest)),
+                Ok(found) if found == digest => {
+                    drop(known.insert(named.map_or_else(|| file.clone(), Path::to_owned), digest))
+                }
                 Ok(_) => problems.push(format!("{} was changed", gnc_text::shown_path(&file))),
                 Err(error) => problems.push(gnc_text::with_causes(&error)),
             },
@@ -712,7 +714,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
             Ok(captured) => problems.extend(captured.unlike(folder, &known)),
             Err(error) => problems.push(gnc_text::with_causes(&error)),
         }
-        problems.extend(agree::unlike(folder, state, &record_sha256)?);
+        problems.extend(agree::unlike(folder, state, &record_sha256, &known));
     }
     only_litter &= problems.len() == added.len();
     Ok(Verified { problems, newer, unnamed, only_litter, ..Verified::default() })

@@ -7,6 +7,7 @@ use gnc_executive::event::Event;
 use serde_json::json;
 
 use super::*;
+use crate::store::digest;
 
 const PLAN_TEXT: &str = "name = \"p\"";
 
@@ -60,7 +61,8 @@ fn state() -> RunState {
 fn found(change: impl Fn(&Path)) -> Vec<String> {
     let (_place, run) = run();
     change(&run);
-    unlike(&run, state(), "ab").unwrap()
+    let known = digest::files_below(&run).unwrap().into_iter().map(|file| (file, String::new())).collect();
+    unlike(&run, state(), "ab", &known)
 }
 
 /// Changes a text in a file.
