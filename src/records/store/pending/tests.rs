@@ -12,6 +12,9 @@ use crate::store::reader::{self, Found};
 use crate::store::recovery::tests::Shelf;
 use crate::store::{DIGESTS, JOURNAL, PLAN};
 
+/// Looks while the closing waits for the chain: far more than it takes to come there.
+const LOOKS: usize = 20_000;
+
 /// A run that is closed, and of which so many files have not got their names.
 fn closed_but_for(count: usize, shelf: &Shelf) -> PathBuf {
     let run = shelf.begun("SN-1", 2, None);
@@ -43,8 +46,12 @@ fn nothing_says_passed_before_the_line() {
             assert!(end.try_recv().is_err(), "it was closed without the lock");
             std::thread::yield_now();
         }
-        for name in TELLING {
-            assert!(!run.join(name).exists(), "{name}");
+        // Names that come too early come right behind the digests.
+        for look in 0..LOOKS {
+            for name in TELLING {
+                assert!(!run.join(name).exists(), "{name} at look {look}");
+            }
+            std::thread::yield_now();
         }
         assert!(run.join("run.json.part").exists() && run.join("report.html.part").exists());
         assert_eq!(RunHead::read(run), None);

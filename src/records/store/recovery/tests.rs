@@ -255,6 +255,30 @@ fn parts_and_a_signature_without_digests_go() {
     shelf.is_whole(1);
 }
 
+/// A start sealed an interrupted run and was killed between its digests and its line: the next one writes the line, and gives the
+/// files the names for which they wait.
+#[test]
+fn a_sealed_run_without_its_line_gets_it() {
+    let shelf = Shelf::new();
+    shelf.close(&shelf.begun("SN-0", 2, None)).unwrap();
+    let run = shelf.begun("SN-1", 1, None);
+    shelf.cut(&run);
+    let [chain, counter] = [shelf.path().join(DAY).join(CHAIN), shelf.path().join("COUNTER")];
+    let before = [fs::read(&chain).unwrap(), fs::read(&counter).unwrap()];
+    assert_eq!(shelf.start().len(), 1);
+    fs::write(&chain, &before[0]).unwrap();
+    fs::write(&counter, &before[1]).unwrap();
+    for name in ["run.json", "report.html", "log.txt"] {
+        fs::rename(run.join(name), run.join(format!("{name}.part"))).unwrap();
+    }
+    assert_eq!(standing(&run).unwrap(), ChainStanding::Missing);
+    let what = "was interrupted while the station sealed it; the sealing is complete now";
+    assert_eq!(shelf.start(), [format!("{DAY}/SN-1/143000-functional {what}")]);
+    assert_eq!(standing(&run).unwrap(), ChainStanding::Held);
+    assert!(run.join("run.json").exists() && !run.join("run.json.part").exists());
+    shelf.is_whole(2);
+}
+
 /// A start that finds more than it has time for says so, and the next one goes on.
 #[test]
 fn a_start_does_not_take_for_ever() {
