@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use gnc_records::store::{digest, reader};
 use gnc_tests::{PARTIAL, Place, Run, bad_items, read_json};
 use hw_mocks::devices::inertial::SensorModels;
 use hw_mocks::devices::inertial::model::PUBLISHED;
@@ -52,7 +53,29 @@ fn a_calibrated_module_gets_its_passport() {
     it_tells_the_truth(&passport);
     compute_says_the_same(&place, &folder, &passport);
     its_texts_stay_texts(&folder, &passport);
+    another_one_is_found(&folder);
+    // This one spoils the record.
     it_belongs_to_the_sealed_record(&place, &folder, &passport);
+}
+
+/// A passport with another number in one of its forms is found, although the digests cover it.
+fn another_one_is_found(folder: &Path) {
+    let sums = folder.join("SHA256SUMS");
+    let written = fs::read_to_string(&sums).expect("digests");
+    assert_eq!(reader::verify(folder), Vec::<String>::new());
+    for (name, supply, other, what) in [
+        ("passport.json", "\"supply_V\": ", "\"supply_V\": 1", "passport.json does not say what events.jsonl says"),
+        ("passport.xml", "<supply_V>", "<supply_V>1", "passport.xml does not say what passport.json says"),
+    ] {
+        let path = folder.join(name);
+        let (text, was) = (fs::read_to_string(&path).expect(name), digest::of_file(&path).expect(name));
+        assert!(text.contains(supply), "{text}");
+        fs::write(&path, text.replacen(supply, other, 1)).expect("writable");
+        fs::write(&sums, written.replace(&was, &digest::of_file(&path).expect(name))).expect("writable");
+        assert_eq!(reader::verify(folder), [what]);
+        fs::write(&path, text).expect("writable");
+    }
+    fs::write(&sums, written).expect("writable");
 }
 
 /// The module's own truth, which the station never sees, appears under the published names.
