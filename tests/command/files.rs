@@ -132,6 +132,11 @@ fn said(kind: &Kind<'_>) -> String {
             if let Some((run, day)) = &names {
                 text = text.replace(run, "RUN").replace(run.trim_start_matches("records/"), "RUN").replace(day, "DAY");
             }
+            // The day of a run that was not begun, YYYY-MM-DD.
+            while let Some(at) = text.find("records/20") {
+                let day = at + "records/".len();
+                text.replace_range(day..(day + 10).min(text.len()), "DAY");
+            }
             let lines = text.lines().filter(|line| {
                 kind.about.is_empty()
                     || line.starts_with("  try: ")
