@@ -132,11 +132,16 @@ fn contradicts(run: &Path, record: &RunRecord) -> Result<bool, StoreError> {
         read => on(read, "read", &path)?,
     };
     // A power cut may leave half of the file, or zeros: it is made again.
-    Ok(match serde_json::from_slice::<serde_json::Value>(&bytes) {
-        Ok(value) => serde_json::from_value::<RunRecord>(value)
-            .map_or(true, |stored| stored != record.clone().closed_like(&stored)),
-        Err(_) => false,
-    })
+    if !is_whole(&bytes) {
+        return Ok(false);
+    }
+    let stored = serde_json::from_slice::<RunRecord>(&bytes);
+    Ok(stored.map_or(true, |stored| stored != record.clone().closed_like(&stored)))
+}
+
+/// Whether a file is JSON to its end. Nothing of it is kept: as values it would take many times its length.
+fn is_whole(bytes: &[u8]) -> bool {
+    serde_json::from_slice::<serde::de::IgnoredAny>(bytes).is_ok()
 }
 
 /// Makes those files of items again that a power cut left empty or in pieces.
@@ -144,8 +149,7 @@ fn complete_items(folder: &RunFolder, state: &RunState) -> Result<(), StoreError
     for (position, row) in state.rows().iter().enumerate() {
         let name = format!("{}/{ITEM}", item_folder(position, &row.planned.name));
         let stored = gnc_files::read_below(folder.path(), Path::new(&name), MAX_RECORD_BYTES).unwrap_or_default();
-        let is_whole = serde_json::from_slice::<serde_json::Value>(&stored).is_ok();
-        if let Some(file) = ItemFile::from_state(state, position).filter(|_| !is_whole) {
+        if let Some(file) = ItemFile::from_state(state, position).filter(|_| !is_whole(&stored)) {
             folder.put(&name, |out| closing::pretty(out, &file))?;
         }
     }
