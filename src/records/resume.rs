@@ -27,8 +27,8 @@ use crate::store::chain::{self, Beginning, Beginnings, ChainStanding, SignedBy};
 use crate::store::reader::{self, ReadError};
 use crate::store::{self, DIGESTS, JOURNAL, PublicKey, StationKey, StoreError, digest};
 
-/// Longest journal of a run that is taken up again, as for each journal that is read.
-const MAX_JOURNAL_BYTES: u64 = 1 << 30;
+/// Longest journal of a run that is taken up again: it is in memory as a whole, beside what it says.
+const MAX_JOURNAL_BYTES: u64 = 256 << 20;
 
 /// Largest number of runs, each of which took up the one before, that are searched for captures.
 const MAX_EARLIER: usize = 20;

@@ -13,6 +13,8 @@ use crate::exit_code::ABORTED;
 
 /// Where the system says which signals the program that started this one has switched off, as bits.
 const STATUS: &str = "/proc/self/status";
+/// The system's text has 2 kB.
+const MAX_STATUS_BYTES: u64 = 65_536;
 const SWITCHED_OFF: &str = "SigIgn:";
 
 /// A folder that is being filled under its name with `.part`. It is removed if it is dropped before it has its name.
@@ -156,7 +158,7 @@ impl Stop {
 
 /// Whether the program was started without this signal, as `nohup` does.
 fn is_switched_off(signal: i32) -> bool {
-    let status = fs::read_to_string(STATUS).unwrap_or_default();
+    let status = gnc_files::text(Path::new(STATUS), MAX_STATUS_BYTES).unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix(SWITCHED_OFF));
     let mask = mask.and_then(|digits| u64::from_str_radix(digits.trim(), 16).ok()).unwrap_or_default();
     mask & (1 << (signal - 1)) != 0
