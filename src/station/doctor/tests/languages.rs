@@ -101,6 +101,7 @@ fn what_is_wrong_with_a_bench() {
         "plan",
         "records",
         "serial_number",
+        "trusted_keys",
         "port",
         "rate",
         "latitude",
