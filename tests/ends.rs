@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Child, ChildStdout, Stdio};
 use std::time::Instant;
 
-use gnc_records::store::{captures, chain, reader};
+use gnc_records::store::{as_written, captures, chain};
 use gnc_tests::{Board, PARTIAL, Place, functional_plan, read_json, repository};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::inotify::{AddWatchFlags, InitFlags, Inotify};
@@ -112,7 +112,7 @@ fn a_killed_run_is_sealed_by_the_next_start() {
     assert_eq!(running.end().0, None);
     until_safe(&mut board);
     let killed = place.runs().pop().expect("a run");
-    assert!(!reader::verify(&killed).is_empty(), "it cannot be verified yet");
+    assert!(!as_written::verify(&killed).is_empty(), "it cannot be verified yet");
 
     let (code, _) = Running::start(&place, &["--only", "identity"]).end();
     assert_eq!(code, PARTIAL);
@@ -120,7 +120,7 @@ fn a_killed_run_is_sealed_by_the_next_start() {
     assert_eq!(runs.len(), 2, "{runs:?}");
     let said = log(&runs[1]);
     assert!(said.contains("was interrupted during sdram") && said.contains("test SIM-0001 again"), "{said}");
-    assert_eq!(reader::verify(&killed), Vec::<String>::new());
+    assert_eq!(as_written::verify(&killed), Vec::<String>::new());
     let record = read_json(&killed.join("run.json"));
     assert_eq!((record["interrupted"].as_bool(), record["selection_outcome"].as_str()), (Some(true), Some("aborted")));
     let checked = chain::verify(&place.path().join("records")).expect("a chain");
@@ -160,7 +160,7 @@ fn a_sealed_run_that_missed_the_chain_is_put_into_it() {
     assert!(said.contains("was interrupted while the station sealed it; the sealing is complete now"), "{said}");
     let checked = chain::verify(&records).expect("a chain");
     assert_eq!((checked.runs, checked.problems), (2, Vec::new()));
-    assert_eq!(reader::verify(killed), Vec::<String>::new());
+    assert_eq!(as_written::verify(killed), Vec::<String>::new());
 
     without_chain();
     assert_eq!(start(), PARTIAL);
@@ -189,7 +189,7 @@ fn a_raw_file_that_a_kill_cut_off_gets_its_end() {
     assert_eq!(Running::start(&place, &["--sim", "--sim-speed", "max", "--only", "identity"]).end().0, PARTIAL);
     let said = log(&place.runs()[1]);
     assert!(said.contains("02-rotation/attempt-1.mcap was cut off and has its end now"), "{said}");
-    assert_eq!(reader::verify(&killed), Vec::<String>::new());
+    assert_eq!(as_written::verify(&killed), Vec::<String>::new());
     assert!(log(&killed).contains("its end was written when the run was sealed"), "{}", log(&killed));
     let told = read_json(&killed.join("cut-off.json"));
     assert_eq!(told["files"].as_array().map(Vec::len), Some(1), "{told}");
@@ -351,7 +351,7 @@ fn a_run_is_signed_where_the_bench_names_a_key() {
     let sums = fs::read_to_string(run.join("SHA256SUMS")).expect("digests");
     fs::write(run.join("SHA256SUMS"), sums.lines().rev().map(|line| format!("{line}\n")).collect::<String>())
         .expect("digests");
-    assert!(reader::verify(run).is_empty(), "as digests they are as good as before");
+    assert!(as_written::verify(run).is_empty(), "as digests they are as good as before");
     assert_eq!(verify().code, Some(1));
     assert!(verify().stdout.contains("is not the signature of SHA256SUMS with this key"), "{}", verify().stdout);
     fs::write(run.join("SHA256SUMS"), sums).expect("digests");

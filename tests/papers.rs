@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use gnc_records::store::{digest, reader};
+use gnc_records::store::{as_written, digest};
 use gnc_tests::{PARTIAL, Place, Run, bad_items, read_json};
 use hw_mocks::devices::inertial::SensorModels;
 use hw_mocks::devices::inertial::model::PUBLISHED;
@@ -62,7 +62,7 @@ fn a_calibrated_module_gets_its_passport() {
 fn another_one_is_found(folder: &Path) {
     let sums = folder.join("SHA256SUMS");
     let written = fs::read_to_string(&sums).expect("digests");
-    assert_eq!(reader::verify(folder), Vec::<String>::new());
+    assert_eq!(as_written::verify(folder), Vec::<String>::new());
     for (name, supply, other, what) in [
         ("passport.json", "\"supply_V\": ", "\"supply_V\": 1", "passport.json does not say what events.jsonl says"),
         ("passport.xml", "<supply_V>", "<supply_V>1", "passport.xml does not say what passport.json says"),
@@ -72,7 +72,7 @@ fn another_one_is_found(folder: &Path) {
         assert!(text.contains(supply), "{text}");
         fs::write(&path, text.replacen(supply, other, 1)).expect("writable");
         fs::write(&sums, written.replace(&was, &digest::of_file(&path).expect(name))).expect("writable");
-        assert_eq!(reader::verify(folder), [what]);
+        assert_eq!(as_written::verify(folder), [what]);
         fs::write(&path, text).expect("writable");
     }
     fs::write(&sums, written).expect("writable");

@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use gnc_executive::event::Event;
 use gnc_executive::journal;
 use gnc_executive::state::RunState;
+use gnc_records::store::as_written;
 use gnc_records::store::reader;
 use gnc_tests::{PARTIAL, Place, functional_plan, read_json};
 use nix::sys::signal::{Signal, kill};
@@ -69,7 +70,7 @@ fn a_run_leaves_everything_that_proves_it() {
     assert!(folder.join("01-identity/item.json").exists());
     assert!(folder.join("plan/01-functional.toml").exists());
     assert_eq!(fs::read(folder.join("plan/01-functional.toml")).ok(), fs::read(functional_plan()).ok());
-    assert_eq!(reader::verify(folder), Vec::<String>::new());
+    assert_eq!(as_written::verify(folder), Vec::<String>::new());
 }
 
 /// Whether a text matches a pattern in which `d` stands for a digit.
@@ -96,14 +97,14 @@ fn verify_finds_what_was_changed() {
     for (file, spoil, expected) in spoilers {
         let before = whole(file);
         spoil(&folder.join(file));
-        let problems = reader::verify(folder);
+        let problems = as_written::verify(folder);
         assert!(problems.iter().any(|problem| problem.contains(expected)), "{file}: {problems:?}");
         let run = place.run(["records", "verify"]);
         assert_eq!(run.code, Some(1), "{}{}", run.stdout, run.stderr);
         fs::write(folder.join(file), before).expect(file);
     }
     fs::write(folder.join("extra.txt"), "x").expect("extra.txt");
-    assert_eq!(reader::verify(folder), ["extra.txt was added"]);
+    assert_eq!(as_written::verify(folder), ["extra.txt was added"]);
     fs::remove_file(folder.join("extra.txt")).expect("extra.txt");
     assert_eq!(place.run(["records", "verify"]).code, Some(0));
 }
@@ -221,7 +222,7 @@ fn the_first_signal_ends_in_order() {
         // Items in flight are aborted; items that had not begun are not run.
         assert_eq!((outcome("sdram"), outcome("sci")), (Some("aborted"), Some("not_run")), "{signal}");
         assert!(events.contains(r#""kind":"power","on":false"#), "the module is off: {events}");
-        assert_eq!(reader::verify(&place.runs()[0]), Vec::<String>::new());
+        assert_eq!(as_written::verify(&place.runs()[0]), Vec::<String>::new());
     }
 }
 
@@ -233,7 +234,7 @@ fn the_second_signal_ends_at_once() {
     assert_eq!(code, Some(4));
     let record = place.record();
     assert_eq!(record["outcome"], "aborted");
-    assert_eq!(reader::verify(&place.runs()[0]), Vec::<String>::new());
+    assert_eq!(as_written::verify(&place.runs()[0]), Vec::<String>::new());
 }
 
 /// Starts a run at true speed and sends signals as soon as the SDRAM test is under way.

@@ -21,6 +21,7 @@ use gnc_executive::verdict::Verdict;
 use sha2::{Digest as _, Sha256};
 
 use crate::raw::RawRecord;
+use crate::store::as_written;
 use crate::store::captured::CapturedFiles;
 use crate::store::captures::{self, CapturesError};
 use crate::store::chain::{self, Beginning, Beginnings, ChainStanding, SignedBy};
@@ -432,9 +433,9 @@ fn unchanged(folder: &Path, state: &RunState) -> Result<(), ResumeError> {
     if !folder.join(DIGESTS).exists() {
         return Ok(());
     }
-    let added = reader::strangers(folder);
-    let added = added.iter().map(|file| reader::was_added(file));
-    if let Some(what) = reader::changes(folder).into_iter().chain(added).next() {
+    let added = as_written::strangers(folder);
+    let added = added.iter().map(|file| as_written::was_added(file));
+    if let Some(what) = as_written::changes(folder).into_iter().chain(added).next() {
         return Err(ResumeError::Changed { what });
     }
     match chain::standing(folder) {

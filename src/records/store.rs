@@ -5,6 +5,7 @@
 //! the end, and a list of digests closes the folder.
 
 mod agree;
+pub mod as_written;
 mod begun;
 pub(crate) mod captured;
 pub mod captures;

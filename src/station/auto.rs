@@ -21,7 +21,7 @@ use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
-use gnc_records::store::{RunFolder, Watcher, reader};
+use gnc_records::store::{RunFolder, Watcher, as_written};
 use gnc_text::{printable, with_causes};
 
 use crate::args::RunArgs;
@@ -295,7 +295,7 @@ impl Observer for Shown<'_> {
                 error.try_this(),
             );
         }
-        if let Some((what, hint)) = reader::of_strangers(folder) {
+        if let Some((what, hint)) = as_written::of_strangers(folder) {
             complain(what, hint);
         }
         if let Some(hooks) = &self.hooks

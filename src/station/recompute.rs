@@ -14,7 +14,7 @@ use gnc_executive::event::{BenchKind, EarlierRun, Event, PlanInfo};
 use gnc_executive::plan::Plan;
 use gnc_executive::state::RunState;
 use gnc_files::Reach;
-use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StationKey, StoreError, chain, digest, reader};
+use gnc_records::store::{JOURNAL, RecordWriter, RunFolder, StationKey, StoreError, as_written, chain, digest};
 use gnc_text::{printable, with_causes};
 
 use crate::progress::Progress;
@@ -57,7 +57,7 @@ pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<(&Path, Reach)>
 
 fn same(folder: &Path) -> Result<ExitCode, RunError> {
     // The digests show every changed sample, even if no figure depends on it.
-    let problems = reader::verify(folder);
+    let problems = as_written::verify(folder);
     let run = RecordedRun::read(folder)?;
     let plan = run.recorded_plan()?;
     let again = again::judge(&run, &plan, None)?;
@@ -91,7 +91,7 @@ fn other(folder: &Path, path: &Path, reach: Reach, key: Option<StationKey>) -> R
     let plan = files::plan_to_judge(path, reach).map_err(|refusal| RunError::Plan { what: refusal.what })?;
     let run = RecordedRun::read(folder)?;
     // A judgement of changed samples would be sealed as if they were the module's.
-    let problems = reader::verify(folder);
+    let problems = as_written::verify(folder);
     if !problems.is_empty() {
         let mut out = Lines::to_stdout();
         for problem in &problems {
@@ -107,7 +107,7 @@ fn other(folder: &Path, path: &Path, reach: Reach, key: Option<StationKey>) -> R
     // A simulated run is never evidence, and is not signed.
     let key = key.filter(|_| run.header.bench.kind != BenchKind::Simulated);
     // A new judgement does not make another station's samples those of this one.
-    let is_foreign = key.as_ref().is_some_and(|key| reader::verify_signature(folder, &[key.public()]).is_some());
+    let is_foreign = key.as_ref().is_some_and(|key| as_written::verify_signature(folder, &[key.public()]).is_some());
     let key = key.filter(|_| !is_foreign);
     // Among signed runs one without a signature would be a finding for ever.
     if key.is_none() && run.header.bench.kind != BenchKind::Simulated && chain::is_signed_beside(folder)? {

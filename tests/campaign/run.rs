@@ -6,6 +6,7 @@ use std::time::Duration;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::record::RunRecord;
 use gnc_executive::verdict::Verdict;
+use gnc_records::store::as_written;
 use gnc_records::store::reader;
 use hw_mocks::{BenchOptions, LineTruth, Personality, Speed};
 use tokio::time::Instant;
@@ -69,7 +70,7 @@ impl Ran {
     /// Adds the record in this folder, and its errors.
     pub(super) fn with_record(mut self, verdict: Verdict, folder: &Path) -> Self {
         self.verdict = Some(verdict);
-        self.problems.extend(reader::verify(folder));
+        self.problems.extend(as_written::verify(folder));
         match std::fs::read(folder.join("events.jsonl")) {
             Ok(journal) => self.journal = journal,
             Err(error) => self.problems.push(format!("its journal: {error}")),

@@ -7,7 +7,7 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::Path;
 use std::process::Stdio;
 
-use gnc_records::store::reader;
+use gnc_records::store::as_written;
 use gnc_tests::{Place, functional_plan, read_json};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -343,7 +343,7 @@ fn auto_speaks_the_language_of_the_locale() {
         for run in place.runs() {
             let log = fs::read_to_string(run.join("log.txt")).expect("a log");
             assert!(log.is_ascii() && log.contains("Serial number "), "{log}");
-            assert_eq!(reader::verify(&run), [""; 0]);
+            assert_eq!(as_written::verify(&run), [""; 0]);
             assert!(read_json(&run.join("run.json"))["items"].is_array());
         }
     }

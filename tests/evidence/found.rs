@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gnc_records::store::chain::{Against, Head, Place, verify_against};
-use gnc_records::store::{PublicKey, reader};
+use gnc_records::store::{PublicKey, reader, as_written};
 
 /// What an auditor has who does not trust the folder.
 #[derive(Debug)]
@@ -30,8 +30,8 @@ pub(crate) fn problems(records: &Path, witness: &Witness) -> Vec<String> {
         Err(error) => vec![gnc_text::with_causes(&error)],
     };
     for run in reader::paths(records).unwrap_or_default() {
-        problems.extend(reader::verify(&run));
-        problems.extend(reader::verify_signature(&run, &witness.keys));
+        problems.extend(as_written::verify(&run));
+        problems.extend(as_written::verify_signature(&run, &witness.keys));
     }
     problems
 }

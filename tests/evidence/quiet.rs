@@ -120,7 +120,7 @@ fn what_may_not_be_read_is_called_unreadable() {
             }
         }
         let spoiled = records.join(&path);
-        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0)).expect("rights");
+        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o000)).expect("rights");
         // A copy of the station, which another user may carry out.
         let station = place.path().join("station");
         fs::copy(STATION, &station).expect("a station");

@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::path::Path;
 
 use gnc_records::raw::{self, RawWriter, pieces};
-use gnc_records::store::{captures, reader};
+use gnc_records::store::{as_written, captures};
 use nix::sys::signal::Signal;
 
 use crate::WARM;
@@ -52,7 +52,7 @@ fn captures_of_another_module_are_not_taken_over() {
         let found = format!("{NOT_TAKEN}: {SIX} is not the one that was captured: ");
         assert_eq!(said.contains(&found), is_exchanged, "{said}");
         assert!(said.contains("taken over"), "the other captures are: {said}");
-        let problems = reader::verify(&killed);
+        let problems = as_written::verify(&killed);
         assert_eq!(problems.len(), usize::from(is_exchanged), "{problems:?}");
     }
 }

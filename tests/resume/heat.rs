@@ -224,7 +224,7 @@ fn a_forged_run_is_not_taken_up() {
     fs::copy(&other, &raw).expect("writable");
     let text = fs::read_to_string(&sums).expect("digests").replace(&old, &digest(&raw));
     fs::write(&sums, text).expect("writable");
-    assert!(gnc_records::store::reader::verify(&broken.folder).is_empty(), "the digests fit");
+    assert!(gnc_records::store::as_written::verify(&broken.folder).is_empty(), "the digests fit");
     let mut again = inside::request(SHORT);
     again.resume = Some(broken.folder);
     let refused = bench.refused(&again);

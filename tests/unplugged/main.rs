@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use cable::Cable;
-use gnc_records::store::reader;
+use gnc_records::store::as_written;
 use gnc_tests::{Board, PARTIAL, Place, functional_plan};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -77,7 +77,7 @@ impl Bench {
         while self.event().is_some() {}
         let code = self.station.wait().expect("its end").code();
         let folder = self.place.runs().pop().expect("a run");
-        assert_eq!(reader::verify(&folder), Vec::<String>::new());
+        assert_eq!(as_written::verify(&folder), Vec::<String>::new());
         (code, self.place.record(), std::fs::read_to_string(folder.join("log.txt")).expect("log.txt"))
     }
 }

@@ -7,7 +7,7 @@ use gnc_executive::standing::{Flaw, Seal};
 
 use crate::store::chain::{DayLinks, OpenRun, Witnessed};
 use crate::store::digest::{self, FileDigests};
-use crate::store::{self, DIGESTS, JOURNAL, PublicKey, RECORD, StoreError, chain, pending, reader};
+use crate::store::{self, DIGESTS, JOURNAL, PublicKey, RECORD, StoreError, as_written, chain, pending, reader};
 
 /// How records are kept, by the chains of their days. Each chain is read once.
 #[derive(Debug)]
@@ -92,7 +92,7 @@ impl<'a> Seals<'a> {
             return Ok(Some(Flaw::Unsigned));
         }
         let is_closed_signed = lines.last().is_some_and(|(_, signed)| signed.is_some());
-        if is_closed_signed && reader::verify_signature(run, keys).is_some() {
+        if is_closed_signed && as_written::verify_signature(run, keys).is_some() {
             return Ok(Some(Flaw::Unsigned));
         }
         let unsigned: Vec<u64> =

@@ -288,6 +288,7 @@ pub(super) fn sync_dir(dir: &Path) -> Result<(), StoreError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::as_written;
     use crate::store::reader::{self, Found};
 
     /// A slow disk takes seconds until the journal has its first event. The run is called running until then.
@@ -298,7 +299,7 @@ mod tests {
         let folder = RunFolder::create(records.path(), at, "SN", "functional").unwrap();
         let look = || {
             let found = reader::list(records.path()).unwrap().remove(0);
-            (found.state(), reader::check(&found.path).running)
+            (found.state(), as_written::check(&found.path).running)
         };
         assert_eq!(look(), (Found::Running, true), "no journal yet");
         let journal = folder.create_file(crate::store::JOURNAL).unwrap();
@@ -399,7 +400,7 @@ mod tests {
             let again = folder.clone();
             drop(folder);
             drop(again);
-            let checked = reader::check(&path);
+            let checked = as_written::check(&path);
             assert_eq!(checked.never_begun, !is_begun, "{journal:?}");
             assert_eq!(checked.problems.is_empty(), !is_begun, "{:?}", checked.problems);
             let told = reader::read(&path).unwrap_err().to_string();

@@ -18,7 +18,7 @@ use super::contents::{Contents, PlanFiles};
 use super::folder::sync_dir;
 use super::reader::MAX_RECORD_BYTES;
 use super::recovery::{Sealer, Until, may_close, unlike_signature};
-use super::{DIGESTS, JOURNAL, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, cut_off, on, reader};
+use super::{DIGESTS, JOURNAL, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, as_written, cut_off, on, reader};
 
 /// The digests that a run had before it was closed late.
 const DIGESTS_BEFORE: &str = "SHA256SUMS.before";
@@ -74,7 +74,7 @@ fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -
     let by = Scribe { late: Some(&late), ..sealer.scribe() };
     let digests = run.join(DIGESTS);
     if digests.exists() {
-        if !reader::changes(run).is_empty() {
+        if !as_written::changes(run).is_empty() {
             return Ok(None);
         }
         if let Some(why) = unlike_signature(run, is_signed, sealer.key) {

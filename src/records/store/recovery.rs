@@ -19,7 +19,7 @@ use super::closing::{clear_away, close, hold};
 use super::contents::{Contents, PlanFiles};
 use super::cut_off::{self, CutOffFile};
 use super::late::{self, Closed};
-use super::{DIGESTS, JOURNAL, RunFolder, SIGNATURE, StationKey, StoreError, folder, on, pending, reader};
+use super::{DIGESTS, JOURNAL, RunFolder, SIGNATURE, StationKey, StoreError, as_written, folder, on, pending, reader};
 
 /// Number of newest runs that are searched for interrupted ones: a station that died starts again before a thousand
 /// other runs.
@@ -179,7 +179,7 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
 
 /// What to say of files in the folder of a run that was closed now and that no station wrote.
 fn strangers(records: &Path, run: &Path) -> Option<String> {
-    let (what, hint) = reader::of_strangers(run)?;
+    let (what, hint) = as_written::of_strangers(run)?;
     Some(format!("{}: {what}; {hint}", gnc_text::shown_path(run.strip_prefix(records).unwrap_or(run))))
 }
 
@@ -248,7 +248,7 @@ fn put_into_chain(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) 
     }
     // Another station may have appended it meanwhile.
     let is_unknown = !chain::unknown(records, vec![run.to_owned()])?.is_empty();
-    if !is_unknown || !reader::changes(run).is_empty() {
+    if !is_unknown || !as_written::changes(run).is_empty() {
         return Ok(Left::Alone);
     }
     let is_signed = match may_close(records, run, &state, before, by)? {
@@ -259,7 +259,7 @@ fn put_into_chain(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) 
         return Ok(Left::Open(why));
     }
     // Digests that were not signed when they were made stay so, and their line too.
-    let scribe = Scribe { key: by.key.filter(|_| reader::is_signed(run)), ..by.scribe() };
+    let scribe = Scribe { key: by.key.filter(|_| as_written::is_signed(run)), ..by.scribe() };
     // An earlier version wrote no line when the run began.
     chain::begin(run, &scribe)?;
     chain::append_as(run, &scribe)?;
@@ -334,8 +334,8 @@ pub(super) fn may_close(
 /// Why a run with digests is left: its station would have signed them, or another key did.
 pub(super) fn unlike_signature(run: &Path, is_signed: bool, key: Option<&StationKey>) -> Option<String> {
     let public: Vec<_> = key.map(StationKey::public).into_iter().collect();
-    let is_like = match (reader::is_signed(run), key) {
-        (true, Some(_)) => reader::verify_signature(run, &public).is_none(),
+    let is_like = match (as_written::is_signed(run), key) {
+        (true, Some(_)) => as_written::verify_signature(run, &public).is_none(),
         (has_signature, _) => has_signature == is_signed && !has_signature,
     };
     (!is_like).then(|| format!("is left as it is: {SIGNATURE} is missing, or is not of the key of this start"))

@@ -5,8 +5,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use gnc_records::store::as_written::{self, Verified};
 use gnc_records::store::chain::{Against, ChainBook, ChainCheck, Head, LateCloses, Place, verify_against};
-use gnc_records::store::reader::{self, ReadError, Verified};
+use gnc_records::store::reader::{self, ReadError};
 use gnc_records::store::{DIGESTS, PublicKey, may_begin};
 use gnc_text::printable;
 
@@ -120,7 +121,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     progress.total(folders.len());
     for folder in &folders {
         progress.step(1);
-        let mut found = reader::check(folder);
+        let mut found = as_written::check(folder);
         let place = gnc_text::shown_path(folder);
         let against_it = against_the_chain(folder, &found, &mut books);
         if let Some(what) = against_it.or_else(|| planted(folder, &found, &mut books)) {
@@ -148,7 +149,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         let mut began_signed = false;
         let mut broke_off = None;
         if let Some((run, book)) = books.of(folder) {
-            if !against.keys.is_empty() && !reader::is_signed(folder) {
+            if !against.keys.is_empty() && !as_written::is_signed(folder) {
                 unsigned = book.why_unsigned(&run);
             }
             began_signed = book.began_signed(&run);
@@ -165,10 +166,10 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             continue;
         }
         if unsigned.is_none() {
-            found.problems.extend(reader::verify_signature(folder, against.keys));
+            found.problems.extend(as_written::verify_signature(folder, against.keys));
             // A station that got its key later did not sign what it had captured before.
             let signs = if began_signed { against.keys } else { &[] };
-            found.problems.extend(reader::verify_captured(folder, signs));
+            found.problems.extend(as_written::verify_captured(folder, signs));
         }
         let whole = found.problems.is_empty();
         // A chain that cannot be read is told with the chain.
@@ -305,7 +306,7 @@ fn against_the_chain(run: &Path, found: &Verified, books: &mut Books) -> Option<
     }
     let mut look = || books.of(run).and_then(|(run, book)| book.unlike_an_open_run(&run));
     look()?;
-    is_open(&reader::check(run)).then(look).flatten()
+    is_open(&as_written::check(run)).then(look).flatten()
 }
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.

@@ -2,6 +2,7 @@
 
 use super::hidden::edit;
 use super::*;
+use crate::store::as_written;
 use crate::store::reader;
 
 /// A run that began with SN-1 at the time that it has as its end, and ended with SN-9 in the socket, where the station files it.
@@ -191,7 +192,7 @@ fn a_damaged_run_apart_blocks_only_the_module_that_its_journal_names() {
         damage(&run);
         let standing = shelf.standing_at(LATER);
         assert!(standing.passes_beyond_doubt(), "{what}: {standing}");
-        let told = chain::verify(shelf.path()).expect("a chain").problems.len() + reader::verify(&run).len();
+        let told = chain::verify(shelf.path()).expect("a chain").problems.len() + as_written::verify(&run).len();
         assert!(told > 0, "{what}");
     }
 }

@@ -85,9 +85,9 @@ impl Killed {
 
     /// What `verify` finds of the run, with the public key if there is one.
     fn found(&self) -> Vec<String> {
-        let mut found = super::super::reader::verify(&self.run);
+        let mut found = super::super::as_written::verify(&self.run);
         let keys: Vec<PublicKey> = self.key.iter().map(StationKey::public).collect();
-        found.extend(super::super::reader::verify_captured(&self.run, &keys));
+        found.extend(super::super::as_written::verify_captured(&self.run, &keys));
         found
     }
 

@@ -355,7 +355,7 @@ fn an_emptied_run_is_not_one_that_never_began() {
             fs::remove_file(entry).unwrap();
         }
         fs::write(run.join("events.jsonl"), "").unwrap();
-        assert!(crate::store::reader::check(&run).never_begun);
+        assert!(crate::store::as_written::check(&run).never_begun);
     }
     assert_eq!(of(closed).unwrap(), format!("run 4 ({closed}) was closed, and its SHA256SUMS is missing"));
     assert_eq!(of(&open).unwrap(), format!("run 9 ({open}): its journal does not begin as it did when the run began"));

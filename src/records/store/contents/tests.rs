@@ -104,7 +104,7 @@ fn text(run: &Path, name: &str) -> String {
 
 /// What the checks say of a folder, but for the raw file that is none.
 fn found(run: &Path) -> Vec<String> {
-    let mut found = crate::store::reader::verify(run);
+    let mut found = crate::store::as_written::verify(run);
     found.retain(|problem| !problem.starts_with("01-cpu/attempt-1.mcap: ") && !problem.contains("attempt-9.mcap: "));
     found.retain(|problem| !problem.contains("attempt-01.mcap: ") && !problem.contains("more/attempt-1.mcap: "));
     found
@@ -114,8 +114,8 @@ fn found(run: &Path) -> Vec<String> {
 fn a_run_is_closed_with_what_its_station_wrote() {
     let (clean, spoiled) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let as_written = run(clean.path(), 5, |_| {});
-    assert_eq!(crate::store::reader::verify(&as_written), Vec::<String>::new());
-    assert_eq!(crate::store::reader::of_strangers(&as_written), None);
+    assert_eq!(crate::store::as_written::verify(&as_written), Vec::<String>::new());
+    assert_eq!(crate::store::as_written::of_strangers(&as_written), None);
     let run = run(spoiled.path(), 5, spoil);
     assert_eq!(found(&run), added());
     for name in ["01-cpu/item.json", "plan/01-functional.toml", RECORD, LOG] {
@@ -126,7 +126,7 @@ fn a_run_is_closed_with_what_its_station_wrote() {
     assert!(!text(&run, REPORT).contains("planted"));
     let sums = FileDigests::read(&run).unwrap().0;
     assert!(sums.get("01-cpu/attempt-1.mcap").is_some(), "raw samples of an attempt belong to the run");
-    let (what, _) = crate::store::reader::of_strangers(&run).unwrap();
+    let (what, _) = crate::store::as_written::of_strangers(&run).unwrap();
     let said = "files in the folder of the run that the station did not write are not sealed with it: 01-cpu/attempt-01.mcap, \
                 11 in all";
     assert_eq!(what, said);

@@ -11,6 +11,7 @@ use serde_json::json;
 use super::*;
 use crate::shift::{ShiftBook, ShiftOf};
 use crate::standing::Seals;
+use crate::store::as_written;
 use crate::store::chain::{CHAIN, COUNTER, LateCloses};
 use crate::store::recovery::tests::{PLAN_TEXT, close_as, plan_sha256};
 use crate::store::{LOG, PLAN, SIGNATURE};
@@ -136,7 +137,7 @@ fn check(name: &str, undo: impl Fn(&Path, &Path, &[u8])) {
         );
         assert!(said[0].contains("closed late now and never counts as a pass; test SN-1 again"), "{name}: {said:?}");
         let holds = || {
-            assert_eq!(reader::verify(&run), Vec::<String>::new(), "{name}");
+            assert_eq!(as_written::verify(&run), Vec::<String>::new(), "{name}");
             assert_eq!(shelf.late(), (1, Vec::new()), "{name}");
             assert_eq!(shelf.seal(&run), Seal::Flawed(Flaw::ClosedLate), "{name}");
             assert_eq!(chain::standing(&run).unwrap(), chain::ChainStanding::Late, "{name}");
@@ -322,7 +323,7 @@ fn a_run_of_another_module_is_closed_late_where_it_belongs() {
     assert_eq!((shelf.late(), run.exists()), ((1, Vec::new()), false));
     // The place that was kept for it is free again.
     let moved = unassigned.join("143000-functional");
-    assert_eq!((reader::verify(&moved), shelf.seal(&moved)), (Vec::new(), Seal::Flawed(Flaw::ClosedLate)));
+    assert_eq!((as_written::verify(&moved), shelf.seal(&moved)), (Vec::new(), Seal::Flawed(Flaw::ClosedLate)));
     assert_eq!(fs::read_dir(&unassigned).unwrap().count(), 1);
 }
 
@@ -343,7 +344,7 @@ fn the_mark_stays() {
     // No file calls it a pass.
     let record: serde_json::Value = serde_json::from_slice(&fs::read(run.join(crate::store::RECORD)).unwrap()).unwrap();
     assert_eq!((&record["outcome"], &record["closed_late"]), (&json!("errored"), &json!("2026-11-28T16:00:00+08:00")));
-    assert_eq!(reader::verify(&run), Vec::<String>::new());
+    assert_eq!(as_written::verify(&run), Vec::<String>::new());
     let chain = shelf.path().join(DAY).join(CHAIN);
     let text = fs::read_to_string(&chain).unwrap();
     let unmarked: String = text.lines().map(|line| line.split(" late ").next().unwrap().to_owned() + "\n").collect();
@@ -409,8 +410,8 @@ fn signed_digests_are_kept_when_their_run_is_closed_late() {
         assert!(said.len() == 1 && said[0].contains("it is closed late now"), "{said:?}");
         assert_eq!(fs::read(run.join(DIGESTS_BEFORE)).unwrap(), digests);
         assert_eq!(fs::read(run.join(SIGNATURE_BEFORE)).unwrap(), signature);
-        assert_eq!((reader::verify(&run), reader::verify_signature(&run, &[own.public()])), (Vec::new(), None));
+        assert_eq!((as_written::verify(&run), as_written::verify_signature(&run, &[own.public()])), (Vec::new(), None));
         fs::write(run.join(DIGESTS_BEFORE), "").unwrap();
-        assert_eq!(reader::verify(&run), ["SHA256SUMS.before was changed"]);
+        assert_eq!(as_written::verify(&run), ["SHA256SUMS.before was changed"]);
     }
 }

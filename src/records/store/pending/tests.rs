@@ -6,6 +6,7 @@ use gnc_executive::standing::{Flaw, Seal};
 
 use super::*;
 use crate::standing::Seals;
+use crate::store::as_written;
 use crate::store::chain::{CHAIN, ChainStanding, standing, verify};
 use crate::store::head::RunHead;
 use crate::store::reader::{self, Found};
@@ -69,7 +70,7 @@ fn a_run_whose_files_wait_for_their_names_is_closed() {
         let shelf = Shelf::new();
         let run = closed_but_for(count, &shelf);
         assert_eq!(waiting(&run).len(), count);
-        let checked = reader::check(&run);
+        let checked = as_written::check(&run);
         assert_eq!((checked.problems, checked.incomplete, checked.running), (Vec::new(), None, false));
         assert!(checked.unnamed.unwrap().contains(" waits for its name: its station ended, or could not write"));
         assert_eq!(verify(shelf.path()).unwrap().problems, Vec::<String>::new());
@@ -77,10 +78,10 @@ fn a_run_whose_files_wait_for_their_names_is_closed() {
         assert_eq!(standing(&run).unwrap(), ChainStanding::Held);
         assert_eq!(Seals::new(shelf.path()).seal(&run).unwrap(), Seal::Chained);
         assert!(RunHead::read(&run).is_some() && reader::paper(&run, REPORT).is_ok());
-        assert_eq!(reader::strangers(&run), Vec::<PathBuf>::new());
+        assert_eq!(as_written::strangers(&run), Vec::<PathBuf>::new());
         // Its own station gives the names at this moment: a start of another one leaves it to it, and a check calls it running.
         let held = crate::store::closing::hold(File::open(run.join(JOURNAL)).unwrap(), &run).unwrap();
-        assert!(reader::check(&run).running && shelf.start().is_empty() && waiting(&run).len() == count);
+        assert!(as_written::check(&run).running && shelf.start().is_empty() && waiting(&run).len() == count);
         drop(held);
         let said = shelf.start();
         let what = "was closed, and its station ended, or could not write, before all of its files had their names; they have them \
@@ -97,7 +98,7 @@ fn only_what_the_run_was_closed_with_gets_a_name() {
     let shelf = Shelf::new();
     let run = closed_but_for(3, &shelf);
     fs::write(run.join("run.json.part"), "{\"outcome\":\"passed\"}").unwrap();
-    let found = reader::check(&run).problems;
+    let found = as_written::check(&run).problems;
     assert!(found.contains(&"run.json.part was changed".to_owned()), "{found:?}");
     assert_eq!(Seals::new(shelf.path()).seal(&run).unwrap(), Seal::Flawed(Flaw::Changed));
     let said = shelf.start();
@@ -108,7 +109,7 @@ fn only_what_the_run_was_closed_with_gets_a_name() {
     let shelf = Shelf::new();
     let run = closed_but_for(3, &shelf);
     fs::write(run.join(RECORD), "{\"outcome\":\"passed\"}").unwrap();
-    let found = reader::check(&run).problems;
+    let found = as_written::check(&run).problems;
     for expected in ["run.json was changed", "run.json.part was added"] {
         assert!(found.contains(&expected.to_owned()), "{found:?}");
     }
@@ -136,5 +137,5 @@ fn files_of_a_run_without_a_line_get_no_names() {
     let said = shelf.start();
     assert!(said.len() == 2 && said[0].contains("it is closed late now and never counts as a pass"), "{said:?}");
     assert_eq!((standing(&run).unwrap(), waiting(&run)), (ChainStanding::Late, Vec::new()));
-    assert_eq!(reader::verify(&run), ["note.txt was added"]);
+    assert_eq!(as_written::verify(&run), ["note.txt was added"]);
 }

@@ -6,6 +6,7 @@ use serde_json::json;
 
 use super::*;
 use crate::resume::{Like, Resumed};
+use crate::store::as_written;
 use crate::store::chain::{CHAIN, ChainStanding, LateCloses, standing, verify};
 use crate::store::closing;
 use crate::store::reader::Found;
@@ -117,7 +118,7 @@ impl Shelf {
         let paths = reader::paths(self.path()).unwrap();
         assert_eq!(paths.len(), runs);
         for run in paths {
-            assert_eq!(reader::verify(&run), Vec::<String>::new());
+            assert_eq!(as_written::verify(&run), Vec::<String>::new());
         }
         assert_eq!(verify(self.path()).unwrap().problems, Vec::<String>::new());
         assert_eq!(self.start(), Vec::<String>::new());
@@ -148,7 +149,7 @@ fn an_error_before_the_line_takes_the_seal_back() {
     fs::remove_dir(&chain).unwrap();
     fs::rename(&kept, &chain).unwrap();
     assert_eq!(names(&run), [JOURNAL, PLAN]);
-    let left = reader::check(&run);
+    let left = as_written::check(&run);
     assert!(left.problems.is_empty() && left.incomplete.is_some_and(|what| what.starts_with("ended and not closed")));
     assert_eq!(reader::found(run.clone()).state(), Found::Unsealed);
     let said = shelf.start();
@@ -243,7 +244,7 @@ fn parts_and_a_signature_without_digests_go() {
     for left in ["01-cpu/item.json.part", "SHA256SUMS.part", "run.json.part", SIGNATURE] {
         fs::write(run.join(left), "half").unwrap();
     }
-    let left = reader::check(&run);
+    let left = as_written::check(&run);
     assert_eq!(
         left.incomplete.as_deref(),
         Some("interrupted: its station ended, or could not write, in the run; the next start seals it")
@@ -342,7 +343,7 @@ fn a_run_that_no_line_began_is_left_as_it_is() {
             let mut sums = crate::store::digest::FileDigests::default();
             sums.add_new(run).unwrap();
             fs::write(run.join(DIGESTS), sums.text()).unwrap();
-            assert_eq!(reader::verify(run), Vec::<String>::new());
+            assert_eq!(as_written::verify(run), Vec::<String>::new());
         };
         sealed(&planted);
         sealed(&ended);
@@ -392,7 +393,7 @@ fn a_run_is_left_to_its_station_its_bench_and_its_key() {
     assert!(said.iter().any(|line| line.contains("SN-1") && line.contains("it is sealed as interrupted")), "{said:?}");
     let why = "is left as it is: the line of its beginning is not signed, and earlier ones are";
     assert!(said.contains(&format!("{DAY}/SN-2/143000-functional was interrupted and {why}")), "{said:?}");
-    let is_signed = reader::verify_signature(&run, &[own.public()]).is_none();
+    let is_signed = as_written::verify_signature(&run, &[own.public()]).is_none();
     assert!(is_signed && standing(&run).unwrap() == ChainStanding::Held);
 }
 

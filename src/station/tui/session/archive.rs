@@ -9,9 +9,10 @@ use gnc_executive::standing::{Flaw, Seal, Standing};
 use gnc_executive::state::RunState;
 use gnc_records::standing::Seals;
 use gnc_records::store;
+use gnc_records::store::as_written::{self, Verified};
 use gnc_records::store::chain::LateCloses;
 use gnc_records::store::head::RunHead;
-use gnc_records::store::reader::{self, ReadError, Verified};
+use gnc_records::store::reader::{self, ReadError};
 use gnc_text::with_causes;
 
 use super::files::Held;
@@ -132,7 +133,7 @@ fn unopened(error: &ReadError) -> Unopened {
 
 pub(super) fn verify(path: PathBuf) -> Msg {
     let Verified { mut problems, newer, running, never_begun, incomplete, unnamed, only_litter: _ } =
-        reader::check(&path);
+        as_written::check(&path);
     problems.extend(incomplete);
     problems.extend(unnamed);
     problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));

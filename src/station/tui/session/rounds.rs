@@ -12,7 +12,7 @@ use gnc_bench::service::{self, Observer, RunRequest};
 use gnc_executive::event::Event;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
-use gnc_records::store::{RunFolder, Watcher, reader};
+use gnc_records::store::{RunFolder, Watcher, as_written};
 use gnc_text::with_causes;
 use tokio::sync::mpsc;
 
@@ -173,7 +173,7 @@ impl Observer for Shown {
         self.told.verdict(folder, &self.serial_number, ending.verdict);
         // The record of another module than was scanned was moved.
         let _ = self.screen.try_send(Msg::RoundEnded { folder: folder.to_owned() });
-        if let Some((what, hint)) = reader::of_strangers(folder) {
+        if let Some((what, hint)) = as_written::of_strangers(folder) {
             let _ = self.screen.try_send(Msg::Strangers(format!("{what}; {hint}")));
         }
         if let Some(error) = &ending.store_error {

@@ -125,7 +125,7 @@ fn a_held_folder_is_no_run_that_goes_on() {
     );
     fs::remove_file(shelf.path().join(planted).join("SHA256SUMS")).unwrap();
     let run = shelf.path().join(planted);
-    assert!(crate::store::reader::check(&run).running && !crate::store::may_begin(&run));
+    assert!(crate::store::as_written::check(&run).running && !crate::store::may_begin(&run));
     let book = || ChainBook::read(shelf.path()).unwrap();
     assert_eq!(
         book().lacks_beginning(&run).unwrap(),
@@ -157,7 +157,7 @@ fn a_stranger_in_a_folder_without_a_run_is_found() {
     for (file, is_own) in files {
         fs::create_dir_all(run.join(file).parent().unwrap()).unwrap();
         fs::write(run.join(file), "").unwrap();
-        let checked = crate::store::reader::check(&run);
+        let checked = crate::store::as_written::check(&run);
         assert_eq!(
             (checked.never_begun, checked.problems.is_empty()),
             (is_own, is_own),
@@ -165,7 +165,7 @@ fn a_stranger_in_a_folder_without_a_run_is_found() {
             checked.problems
         );
         if !is_own {
-            let problems = crate::store::reader::check(&run).problems;
+            let problems = crate::store::as_written::check(&run).problems;
             assert_eq!(
                 problems,
                 [format!(
@@ -186,7 +186,7 @@ fn files_of_a_file_manager_are_told_apart() {
     for file in litter {
         fs::write(run.join(file), "x").unwrap();
     }
-    let checked = crate::store::reader::check(&run);
+    let checked = crate::store::as_written::check(&run);
     assert!(checked.only_litter);
     assert_eq!(
         checked.problems,
@@ -195,7 +195,7 @@ fn files_of_a_file_manager_are_told_apart() {
         ))
     );
     fs::write(run.join("log.txt"), "x").unwrap();
-    let checked = crate::store::reader::check(&run);
+    let checked = crate::store::as_written::check(&run);
     assert!(
         !checked.only_litter && checked.problems.contains(&".DS_Store was added".to_owned()),
         "{:?}",

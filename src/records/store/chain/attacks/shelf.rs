@@ -9,7 +9,7 @@ use serde_json::json;
 
 use crate::store::chain::{Against, ChainBook, Head, Place, place_of, verify_against};
 use crate::store::{
-    DIGESTS, JOURNAL, PublicKey, RecordWriter, RunFolder, SIGNATURE, StationKey, StoreError, digest, reader,
+    DIGESTS, JOURNAL, PublicKey, RecordWriter, RunFolder, SIGNATURE, StationKey, StoreError, as_written, digest, reader,
 };
 
 pub(super) struct Shelf {
@@ -134,9 +134,9 @@ impl Shelf {
         let mut found = Vec::new();
         for run in reader::paths(self.path()).unwrap() {
             let name = run.strip_prefix(self.path()).unwrap().display().to_string();
-            let mut problems = reader::check(&run).problems;
-            if book.why_unsigned(&run).is_none() || reader::is_signed(&run) {
-                problems.extend(reader::verify_signature(&run, &keys));
+            let mut problems = as_written::check(&run).problems;
+            if book.why_unsigned(&run).is_none() || as_written::is_signed(&run) {
+                problems.extend(as_written::verify_signature(&run, &keys));
             }
             found.extend(problems.iter().map(|problem| format!("{name}: {problem}")));
         }
@@ -154,7 +154,7 @@ impl Shelf {
     /// What is found of one run and its lines, with the key.
     pub(super) fn found_of(&self, run: &str) -> Vec<String> {
         let run = self.path().join(run);
-        let mut found = reader::check(&run).problems;
+        let mut found = as_written::check(&run).problems;
         found.extend(self.of_lines(&run, &[]));
         found
     }
