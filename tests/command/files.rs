@@ -56,7 +56,7 @@ impl Wrong {
             Pipe => nix::unistd::mkfifo(path, nix::sys::stat::Mode::S_IRWXU).map_err(Into::into),
             Device => symlink("/dev/zero", path),
             Circle => symlink(path.file_name().expect("a name"), path),
-            Denied => fs::set_permissions(path, fs::Permissions::from_mode(0)),
+            Denied => fs::set_permissions(path, fs::Permissions::from_mode(0o000)),
             Empty => fs::write(path, ""),
             Rubbish => fs::write(path, (0..=255).cycle().take(10_000).collect::<Vec<u8>>()),
             Sparse => fs::File::create(path).and_then(|file| file.set_len(SPARSE_BYTES)),

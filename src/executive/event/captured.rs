@@ -26,6 +26,6 @@ pub struct CapturedSamples {
 impl CapturedSamples {
     /// The text that a station signs. The digest of the journal covers module, plan and bench, and all that was measured before.
     pub fn signed_text(&self) -> String {
-        format!("gnc-station captured 1 {} {} {} {}", self.journal_sha256, self.sha256, self.bytes, self.file)
+        format!("gnc-captured/1 {} {} {} {}", self.journal_sha256, self.sha256, self.bytes, self.file)
     }
 }
