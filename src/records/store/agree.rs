@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use gnc_executive::record::{ItemFile, RunRecord};
-use gnc_executive::state::RunState;
+use gnc_executive::state::{Row, RunState};
 use serde_json::Value;
 
 use super::contents::PlanFiles;
@@ -52,7 +52,7 @@ fn value(run: &Path, file: &str) -> Option<Value> {
 /// The plan that was filed is the one that the run followed.
 fn plan(run: &Path, state: &RunState, known: &Known) -> Option<String> {
     let filed = known.keys().filter(|file| file.starts_with(PLAN)).count();
-    (filed > 0 && PlanFiles::count_of(run, state) != filed)
+    (filed > 0 && PlanFiles::count_of(run, state).is_some_and(|count| count != filed))
         .then(|| format!("{PLAN}/ does not hold the plan that {JOURNAL} names"))
 }
 
@@ -86,7 +86,9 @@ fn raw(state: &RunState, known: &Known) -> Vec<String> {
 
 fn has_attempt(state: &RunState, item: usize, attempt: usize) -> bool {
     let row = item.checked_sub(1).and_then(|position| state.rows().get(position));
-    row.is_some_and(|row| (1..=row.attempts.len()).contains(&attempt))
+    // A power cut may take the last lines of a journal and leave the file of the attempt that they began.
+    let more = |row: &Row| usize::from(state.is_interrupted() && !row.is_over());
+    row.is_some_and(|row| (1..=row.attempts.len() + more(row)).contains(&attempt))
 }
 
 /// Number of the item and of the attempt, both from 1, by the path of a raw file: `02-rotation/attempt-1-3.mcap`.

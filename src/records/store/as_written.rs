@@ -1,17 +1,17 @@
 //! Whether a run is as it was written: its files against its digests and its journal, its signature, and files that its station
 //! did not write.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::agree;
 use super::begun;
-use super::captured::CapturedFiles;
+use super::captured::{self, CapturedFiles};
 use super::digest::FileDigests;
 use super::litter::{self, is_litter};
 use super::reader::{ReadError, fold};
-use super::{DIGESTS, PublicKey, SIGNATURE, StoreError, captures, digest, folded, goes_on, names, pending};
+use super::{DIGESTS, PublicKey, SIGNATURE, StoreError, captures, chain, digest, folded, goes_on, names, pending};
 
 /// Longest list of digests: that of a run of 20,000 items with all of their files.
 const MAX_DIGESTS_BYTES: u64 = 64 << 20;
@@ -72,7 +72,7 @@ pub fn strangers(folder: &Path) -> Vec<PathBuf> {
     let Ok((sums, _)) = FileDigests::read(folder) else { return Vec::new() };
     let promised = sums.into_map();
     let waiting: Vec<PathBuf> =
-        pending::waiting(folder).into_iter().map(|name| pending::waiting_name(name).into()).collect();
+        waiting_of(folder, &promised).into_iter().map(|name| pending::waiting_name(name).into()).collect();
     let mut files = digest::files_below(folder).unwrap_or_default();
     files.retain(|file| !promised.contains_key(file) && !waiting.contains(file));
     files
@@ -93,8 +93,26 @@ pub fn of_strangers(folder: &Path) -> Option<(String, &'static str)> {
 /// Compares a run's folder with its digests and its journal.
 #[must_use]
 pub fn check(folder: &Path) -> Verified {
-    compare(folder, false)
-        .unwrap_or_else(|error| Verified { problems: vec![gnc_text::with_causes(&error)], ..Verified::default() })
+    let check = || {
+        let waiting = pending::waiting(folder);
+        let checked = compare(folder, false)
+            .unwrap_or_else(|error| Verified { problems: vec![gnc_text::with_causes(&error)], ..Verified::default() });
+        (checked, waiting != pending::waiting(folder))
+    };
+    let checked = match check() {
+        // Its station gave files their names meanwhile.
+        (_, true) => check().0,
+        (checked, false) => checked,
+    };
+    if checked.unnamed.is_some() && checked.problems.is_empty() && goes_on(folder) {
+        return Verified { running: true, ..Verified::default() };
+    }
+    checked
+}
+
+/// Those files of a run that its digests name and that wait for their names.
+fn waiting_of(folder: &Path, promised: &BTreeMap<PathBuf, String>) -> Vec<&'static str> {
+    pending::waiting(folder).into_iter().filter(|name| promised.contains_key(Path::new(name))).collect()
 }
 
 /// Whether a closed run has a signature.
@@ -139,24 +157,27 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     let path = folder.join(DIGESTS);
     // Looked at before the journal is read: a run that ends meanwhile has its digests then.
     let is_under_way = || !path.exists() || !pending::waiting(folder).is_empty();
-    if !is_ours && is_under_way() && goes_on(folder) {
+    // A run whose line is in the chain is whole, whatever holds its folder.
+    if !is_ours && is_under_way() && goes_on(folder) && !chain::is_closed(folder).unwrap_or(false) {
         return Ok(Verified { running: true, ..Verified::default() });
     }
     let (state, newer) = match fold(folder) {
         Ok(state) => (Some(state), None),
         Err(error) if error.is_newer() => (None, Some(error)),
+        // The digests say what it was.
+        Err(ReadError::NeverBegun) if path.exists() => (None, None),
         Err(ReadError::NeverBegun) => return Ok(Verified { never_begun: true, ..Verified::default() }),
         Err(error) => return only(begun::strangers(folder).unwrap_or_else(|| gnc_text::with_causes(&error))),
     };
     if let Some(strangers) = begun::strangers(folder) {
         return only(strangers);
     }
-    // The next start seals an interrupted run.
-    if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted() && !path.exists()) {
-        return incomplete(
-            "interrupted: its station ended, or could not write, in the run; the next start seals it".into(),
-            newer,
-        );
+    let state = state.filter(|state| state.header().is_some() || !path.exists());
+    // The next start seals an interrupted run. What its journal says of captures holds already.
+    if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted()) && !path.exists() {
+        let what = "interrupted: its station ended, or could not write, in the run; the next start seals it";
+        let problems = captured::unlike(folder);
+        return Ok(Verified { problems, incomplete: Some(what.into()), newer, ..Verified::default() });
     }
     if !path.exists() {
         let problem = format!(
@@ -169,14 +190,15 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
     let record_sha256 = sums.of_record();
     let mut promised = sums.into_map();
+    let waiting = waiting_of(folder, &promised);
     let mut added = Vec::new();
     // The digests have the names that these files get when the run is closed.
     let waiting: HashMap<PathBuf, &str> =
-        pending::waiting(folder).into_iter().map(|name| (pending::waiting_name(name).into(), name)).collect();
+        waiting.iter().map(|name| (pending::waiting_name(name).into(), *name)).collect();
     let mut unnamed = None;
     let mut known = HashMap::new();
     for file in digest::files_below(folder)? {
-        let named = waiting.get(&file).map(Path::new).filter(|name| promised.contains_key(*name));
+        let named = waiting.get(&file).map(Path::new);
         if named.is_some() {
             unnamed = Some(format!(
                 "{} waits for its name: its station ended, or could not write, while it closed the run; the next start goes on",

@@ -29,15 +29,22 @@ pub(super) enum PlanFiles {
 }
 
 impl PlanFiles {
-    /// Number of files in which the folder of a run has the plan that its journal names, as far as their names tell.
-    pub(super) fn count_of(run: &Path, state: &RunState) -> usize {
+    /// Number of files in which the folder of a run has the plan that its journal names. `None` if a name does not tell what it was:
+    /// it was cut, or an earlier version named it, and the digest of the plan cannot be made again.
+    pub(super) fn count_of(run: &Path, state: &RunState) -> Option<usize> {
+        let all = digest::files_below(&run.join(PLAN)).unwrap_or_default();
+        let mut names = all.iter().filter_map(|file| file.to_str()?.get(NUMBER_BYTES..));
+        if names.any(|name| name::part_of(name).is_none()) {
+            return None;
+        }
         match Self::found(run, state) {
-            Self::Found(files) => files.len(),
-            _ => 0,
+            Self::Found(files) => Some(files.len()),
+            Self::Written(_) => None,
         }
     }
 
-    /// The files that were found for a run, in the order of their numbers. Without those that its journal names, none.
+    /// The files that were found for a run that another start left, in the order of their numbers. Without those that its journal
+    /// names, none: a person had time to exchange them, and chose their names.
     pub(super) fn found(run: &Path, state: &RunState) -> Self {
         let all = digest::files_below(&run.join(PLAN)).unwrap_or_default();
         let mut files = Vec::new();
@@ -51,9 +58,7 @@ impl PlanFiles {
             let named = named.map(|(_, name, text)| (name.as_deref().unwrap_or_default(), text.as_slice()));
             state.header().is_some_and(|header| digest::of_plan(named) == header.plan.sha256)
         };
-        // A name that was cut does not tell what it was, so that the digest cannot be made again.
-        let is_cut = files.iter().any(|(_, name, _)| name.is_none());
-        let count = (1..=files.len()).rev().find(|count| is_cut || is_plan(count)).unwrap_or(0);
+        let count = (1..=files.len()).rev().find(is_plan).unwrap_or(0);
         Self::Found(files.into_iter().take(count).map(|(path, ..)| path).collect())
     }
 

@@ -150,8 +150,10 @@ impl RunFolder {
         let unassigned = day.join(UNASSIGNED);
         on(fs::create_dir_all(&unassigned), "create", &unassigned)?;
         // Another run may have the name: an empty folder keeps the place until the run is moved over it.
-        let to = Self::fresh(&unassigned, &name.to_string_lossy())?.path;
-        on(fs::rename(from, &to), "move", from)?;
+        // It is held until then, so that the start of another station does not take it for one of a run that never began.
+        let place = Self::fresh(&unassigned, &name.to_string_lossy())?;
+        on(fs::rename(from, &place.path), "move", from)?;
+        let to = place.path;
         // It stays where the scanned module has other runs.
         let _ = fs::remove_dir(serial);
         for dir in [serial, unassigned.as_path(), day].into_iter().filter(|dir| dir.exists()) {

@@ -37,7 +37,8 @@ pub(crate) fn open(run: &Path, name: &str) -> io::Result<File> {
     let own = || gnc_files::own(&run.join(name));
     match own() {
         Err(error) if error.kind() == io::ErrorKind::NotFound && waiting(run).contains(&name) => {
-            if !chain::is_closed(run).unwrap_or(false) {
+            let is_promised = FileDigests::read(run).is_ok_and(|(sums, _)| sums.get(name).is_some());
+            if !is_promised || !chain::is_closed(run).unwrap_or(false) {
                 return Err(error);
             }
             // Its station may give it its name at this moment.

@@ -185,13 +185,24 @@ impl FoundRun {
         self.path.strip_prefix(records).unwrap_or(&self.path).display().to_string()
     }
 
-    /// Whether it is a run of this module. For a run of a later version the folder name decides.
+    /// Whether its journal does not tell what it was: it is damaged, gone, or of a later version.
+    #[must_use]
+    pub fn is_unknown(&self) -> bool {
+        match &self.run {
+            Ok(_) => false,
+            Err(ReadError::NeverBegun) => is_sealed(&self.path),
+            Err(_) => true,
+        }
+    }
+
+    /// Whether it is a run of this module. For a run whose journal does not tell, the folder's name decides: a run that was damaged
+    /// may not hide.
     #[must_use]
     pub fn is_of(&self, serial_number: &str) -> bool {
         match &self.run {
             Ok(run) => run.serial_number == serial_number && run.other_module.is_none(),
-            Err(error) => {
-                error.is_newer()
+            Err(_) => {
+                self.is_unknown()
                     && self.path.parent().is_some_and(|of| folders_of(serial_number).contains(&name_of(of)))
             }
         }

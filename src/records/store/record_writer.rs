@@ -309,7 +309,11 @@ impl JournalFile {
         self.written.update(&self.line);
         match &event.kind {
             EventKind::RunStarted { header, .. } => self.begin(header, event)?,
-            EventKind::ItemEnded { item, .. } => self.file_item(item)?,
+            EventKind::ItemEnded { item, .. } => {
+                // The file of an item whose line a power cut took would be one that no station wrote.
+                on(self.journal.sync_data(), "write", &path)?;
+                return self.file_item(item);
+            }
             EventKind::RunEnded(_) => {
                 // Before the run is closed: behind that no error may make a closed run an errored one.
                 on(self.journal.sync_data(), "write", &path)?;

@@ -139,10 +139,13 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     }
     for run in unknown.into_iter().filter(|_| until.has_time()) {
         match put_into_chain(records, &run, &before, sealer) {
-            Ok(Left::Sealed(())) => lines.push(format!(
-                "{} was interrupted while the station sealed it; the sealing is complete now",
-                name(&run)
-            )),
+            Ok(Left::Sealed(())) => {
+                lines.push(format!(
+                    "{} was interrupted while the station sealed it; the sealing is complete now",
+                    name(&run)
+                ));
+                lines.extend(strangers(records, &run));
+            }
             Ok(Left::Ended) => ended.push(run),
             Ok(Left::Open(why)) => {
                 lines.push(format!("{} was interrupted while the station sealed it and {why}", name(&run)));
@@ -263,7 +266,8 @@ fn put_into_chain(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) 
     // An earlier version wrote no line when the run began.
     chain::begin(run, &scribe)?;
     chain::append_as(run, &scribe)?;
-    pending::name_all(run);
+    // What the digests do not name was put there.
+    pending::name_left(run)?;
     Ok(Left::Sealed(()))
 }
 

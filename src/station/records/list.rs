@@ -37,6 +37,10 @@ impl ListArgs {
     }
 
     fn has(&self, found: &FoundRun, seals: &mut Seals<'_>) -> bool {
+        // A run that cannot be read may be any: no filter hides it.
+        if found.is_unknown() {
+            return true;
+        }
         let plan = |plan: &String| found.run.as_ref().is_ok_and(|run| run.plan.name == *plan);
         self.plan.as_ref().is_none_or(plan) && (self.outcome.is_empty() || self.has_outcome(found, seals))
     }

@@ -28,6 +28,11 @@ fn run() -> (tempfile::TempDir, PathBuf) {
 }
 
 fn state() -> RunState {
+    state_of(usize::MAX)
+}
+
+/// The state behind so many events.
+fn state_of(count: usize) -> RunState {
     let sha256 = digest::of_plan([("my p.toml", PLAN_TEXT.as_bytes())].into_iter());
     let header = json!({
         "schema": "gnc-events/1", "serial_number": "SN-1", "operator": null, "station": "bench 1",
@@ -48,7 +53,7 @@ fn state() -> RunState {
         json!({ "kind": "run_ended", "outcome": "passed" }),
     ];
     let mut state = RunState::new();
-    for (seq, mut body) in events.into_iter().enumerate() {
+    for (seq, mut body) in events.into_iter().enumerate().take(count) {
         body["seq"] = seq.into();
         body["at"] = "2026-11-28T14:30:00+08:00".into();
         body["elapsed_us"] = seq.into();
@@ -123,4 +128,14 @@ fn values_agree_in_what_both_have() {
         (json!({ "a": null }), json!({ "a": 0 })),
     ];
     assert!(other.iter().all(|(one, other)| !agree(one, other) && !agree(other, one)));
+}
+
+/// A power cut may take the line that begins an attempt, and leave its raw file: the station closes the run with it.
+#[test]
+fn the_file_of_an_attempt_whose_line_was_lost_is_one_of_the_run() {
+    let (cut, whole) = (state_of(5), state());
+    let file = |name: &str| Known::from([(PathBuf::from(name), String::new())]);
+    assert_eq!(raw(&cut, &file("01-cpu/attempt-3.mcap")), Vec::<String>::new());
+    assert_eq!(raw(&cut, &file("01-cpu/attempt-4.mcap")).len(), 1);
+    assert_eq!(raw(&whole, &file("01-cpu/attempt-3.mcap")).len(), 1);
 }

@@ -219,3 +219,18 @@ fn the_files_of_a_plan_are_found_by_the_digest_of_the_journal() {
         assert_eq!(count(), left, "{name}");
     }
 }
+
+/// A name that does not tell what the plan was is one that a person may have chosen.
+#[test]
+fn a_plan_under_a_name_that_tells_nothing_is_none_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut state = RunState::new();
+    state.apply(&serde_json::from_value(events(1).remove(0)).unwrap()).unwrap();
+    for (name, count) in [("01-functional.toml", 1), ("01-functional~deadbeef.toml", 0), ("01-functional~deadbeef", 0)]
+    {
+        put(folder.path(), &format!("{PLAN}/{name}"), TEXT);
+        let PlanFiles::Found(files) = PlanFiles::found(folder.path(), &state) else { panic!("files that were found") };
+        assert_eq!(files.len(), count, "{name}");
+        std::fs::remove_file(folder.path().join(PLAN).join(name)).unwrap();
+    }
+}

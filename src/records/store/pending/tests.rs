@@ -139,3 +139,39 @@ fn files_of_a_run_without_a_line_get_no_names() {
     assert_eq!((standing(&run).unwrap(), waiting(&run)), (ChainStanding::Late, Vec::new()));
     assert_eq!(as_written::verify(&run), ["note.txt was added"]);
 }
+
+/// A lock does not hide what was changed in a run whose line is in the chain, whatever waits there for a name.
+#[test]
+fn a_lock_hides_no_change() {
+    for waiting in ["run.json", "passport.json"] {
+        let shelf = Shelf::new();
+        let run = closed_but_for(0, &shelf);
+        if run.join(waiting).exists() {
+            fs::rename(run.join(waiting), run.join(waiting_name(waiting))).unwrap();
+        } else {
+            fs::write(run.join(waiting_name(waiting)), "planted").unwrap();
+            assert!(reader::paper(&run, waiting).is_err(), "the run was closed without it");
+            assert_eq!(as_written::strangers(&run), [PathBuf::from(waiting_name(waiting))]);
+        }
+        fs::write(run.join("log.txt"), "changed").unwrap();
+        let held = File::open(&run).unwrap();
+        held.lock().unwrap();
+        let checked = as_written::check(&run);
+        assert!(!checked.running && checked.problems.contains(&"log.txt was changed".to_owned()), "{checked:?}");
+    }
+}
+
+/// A closed run whose journal is emptied was changed: it is not one that never began.
+#[test]
+fn an_emptied_journal_of_a_closed_run_is_a_change() {
+    let shelf = Shelf::new();
+    let run = closed_but_for(0, &shelf);
+    for left in ["", "{"] {
+        fs::write(run.join(JOURNAL), left).unwrap();
+        let checked = as_written::check(&run);
+        assert!(!checked.never_begun && checked.incomplete.is_none(), "{checked:?}");
+        assert!(checked.problems.contains(&"events.jsonl was changed".to_owned()), "{checked:?}");
+        let found = reader::found(run.clone());
+        assert!(found.is_of("SN-1") && !found.is_of("SN-2"), "the folder says whose it is");
+    }
+}

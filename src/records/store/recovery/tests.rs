@@ -273,8 +273,12 @@ fn a_sealed_run_without_its_line_gets_it() {
         fs::rename(run.join(name), run.join(format!("{name}.part"))).unwrap();
     }
     assert_eq!(standing(&run).unwrap(), ChainStanding::Missing);
-    let what = "was interrupted while the station sealed it; the sealing is complete now";
-    assert_eq!(shelf.start(), [format!("{DAY}/SN-1/143000-functional {what}")]);
+    // The digests do not name this one.
+    fs::write(run.join("passport.json.part"), "{\"outcome\":\"passed\"}").unwrap();
+    let (what, said) = ("was interrupted while the station sealed it; the sealing is complete now", shelf.start());
+    assert_eq!((said.len(), &said[0]), (2, &format!("{DAY}/SN-1/143000-functional {what}")));
+    assert!(said[1].contains("passport.json.part") && !run.join("passport.json").exists(), "{said:?}");
+    fs::remove_file(run.join("passport.json.part")).unwrap();
     assert_eq!(standing(&run).unwrap(), ChainStanding::Held);
     assert!(run.join("run.json").exists() && !run.join("run.json.part").exists());
     shelf.is_whole(2);
