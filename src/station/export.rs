@@ -150,6 +150,14 @@ impl Doubt {
         complain(self.what, self.try_this);
     }
 
+    /// A file whose end is not there: what it held behind the cut is in no table.
+    fn cut_off(file: &Path, record: &RawRecord) -> Option<Self> {
+        record.cut_off.then(|| Self {
+            what: format!("{} was cut off; the samples before the cut are exported", gnc_text::shown_path(file)),
+            try_this: "check whether these samples are enough, or run the item again",
+        })
+    }
+
     /// Samples whose file is in order as far as it goes, and that are no whole capture.
     fn unfinished(file: &Path, record: &RawRecord) -> Option<Self> {
         let Unfinished { about, samples } = record.unfinished.as_ref()?;
@@ -175,12 +183,8 @@ impl Doubt {
     }
 }
 
-/// Returns what a file and its captures lack.
+/// Returns what the captures of a file lack.
 fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
-    let cut_off = record.cut_off.then(|| Doubt {
-        what: format!("{} was cut off; the samples before the cut are exported", gnc_text::shown_path(file)),
-        try_this: "check whether these samples are enough, or run the item again",
-    });
     let lossy = record.captures.iter().filter(|capture| capture.losses.any()).map(|capture| {
         let lost = u64::from(capture.losses.on_board) + u64::from(capture.losses.on_line);
         let label = printable(&capture.about.label);
@@ -192,7 +196,7 @@ fn doubts(file: &Path, record: &RawRecord) -> Vec<Doubt> {
             try_this: "take the number and the time of each sample from the MCAP file, or leave the capture out",
         }
     });
-    cut_off.into_iter().chain(lossy).collect()
+    lossy.collect()
 }
 
 /// Warns of a run that a later version wrote. Raw samples have a format of their own, so they are exported as far as
@@ -235,6 +239,7 @@ fn all(folder: &Path, out: &Path, format: Format, stop: &Stop) -> Result<Exporte
             Ok(record) => {
                 done.lines.extend(tables_of(&file, &record, &tables, format, stop)?);
                 done.doubts.extend(doubts(&file, &record));
+                done.left_out.extend(Doubt::cut_off(&file, &record));
                 done.left_out.extend(Doubt::unfinished(&file, &record));
             }
             Err(error) => done.left_out.push(Doubt::refused(&error)),

@@ -25,7 +25,7 @@ const CAPTURES: &str = "name = \"short\"\nversion = \"1\"\n[[item]]\nid = \"six-
 const NAMES: &[(&str, &str)] = &[
     (
         "files and folders",
-        "records extra.txt bench.toml CHAIN COUNTER SHA256SUMS run.json log.txt events.jsonl report.html plan.toml cpu",
+        "records extra.txt bench.toml CHAIN COUNTER SHA256SUMS run.json log.txt events.jsonl report.html plan.toml cpu 01-six-position/item.json",
     ),
     ("names of plans, stations and boards of the tests", "functional short by-hand sim good functional-recomputed"),
     ("what the simulated bench is called", "simulated site max SIM-BOARD-1 gnc-station gnc-station-0.1.0 sim"),
