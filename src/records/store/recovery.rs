@@ -19,7 +19,9 @@ use super::closing::{clear_away, close, hold};
 use super::contents::{Contents, PlanFiles};
 use super::cut_off::{self, CutOffFile};
 use super::late::{self, Closed};
-use super::{DIGESTS, JOURNAL, RunFolder, SIGNATURE, StationKey, StoreError, as_written, folder, on, pending, reader};
+use super::{
+    DIGESTS, JOURNAL, RunFolder, SIGNATURE, StationKey, StoreError, as_written, folder, goes_on, on, pending, reader,
+};
 
 /// Number of newest runs that are searched for interrupted ones: a station that died starts again before a thousand
 /// other runs.
@@ -125,7 +127,7 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
     let mut until = Until::new(time);
     let mut ended = Vec::new();
     // Those without an end come first: of sealed ones without a line there may be many, from before the chain.
-    for run in open.into_iter().filter(|_| until.has_time()) {
+    for run in sure(records, open, &before, &mut lines).into_iter().filter(|_| until.has_time()) {
         match seal(records, &run, &before, sealer) {
             Ok(Left::Sealed((what, now))) => {
                 lines.push(format!("{} {what}", name(&run)));
@@ -137,7 +139,7 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
             Err(error) => lines.push(format!("{} was interrupted and {}", name(&run), cannot(&error))),
         }
     }
-    for run in unknown.into_iter().filter(|_| until.has_time()) {
+    for run in sure(records, unknown, &before, &mut lines).into_iter().filter(|_| until.has_time()) {
         match put_into_chain(records, &run, &before, sealer) {
             Ok(Left::Sealed(())) => {
                 lines.push(format!(
@@ -178,6 +180,17 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
         ));
     }
     lines
+}
+
+/// The runs that the chain lacks for sure. Says once why others are left; of a run that goes on there is nothing to say.
+fn sure(records: &Path, mut runs: Vec<PathBuf>, before: &Before, lines: &mut Vec<String>) -> Vec<PathBuf> {
+    runs.retain(|run| {
+        let why = before.unsure_of(records, run);
+        let is_sure = why.is_none();
+        lines.extend(why.filter(|why| !lines.contains(why) && !goes_on(run)));
+        is_sure
+    });
+    runs
 }
 
 /// What to say of files in the folder of a run that was closed now and that no station wrote.

@@ -40,13 +40,68 @@ pub(in crate::store) struct Before {
     /// Whether nothing was ever counted in this folder.
     is_new: bool,
     beginnings: Beginnings,
+    /// Number of lines that are not as they were written, by their days.
+    unreadable: HashMap<String, usize>,
+    holes: Vec<Hole>,
+    /// Numbers of the lines of beginnings, by their runs.
+    begins: HashMap<String, u64>,
+}
+
+/// Two lines next to each other between whose numbers others are missing.
+struct Hole {
+    numbers: (u64, u64),
+    /// Day and time of their runs.
+    times: [(String, String); 2],
+}
+
+impl Hole {
+    fn all(links: &[ChainEntry]) -> Vec<Self> {
+        let mut links: Vec<&ChainEntry> = links.iter().collect();
+        links.sort_by_key(|link| link.number);
+        let pairs = links.windows(2).map(|pair| (pair[0], pair[1]));
+        let apart = pairs.filter(|(before, after)| after.number > before.number.saturating_add(1));
+        let owned = |link: &ChainEntry| {
+            let (day, time) = day_and_time(&link.run);
+            (day.to_owned(), time.to_owned())
+        };
+        apart
+            .map(|(before, after)| Self {
+                numbers: (before.number, after.number),
+                times: [owned(before), owned(after)],
+            })
+            .collect()
+    }
+
+    /// Whether the line that closed a run may be missing here. It stands behind that of its beginning, so days that were
+    /// moved away before the run began hold none. Of a run without a line of its beginning only the time tells.
+    fn may_hold(&self, name: &str, began: Option<u64>) -> bool {
+        if let Some(began) = began {
+            return began < self.numbers.1;
+        }
+        let (day, time) = day_and_time(name);
+        let at = (day.to_owned(), time.to_owned());
+        self.times[0] <= at && at <= self.times[1]
+    }
 }
 
 impl Before {
     /// # Errors
     /// [`StoreError`]: a chain or the counter cannot be read.
     pub(in crate::store) fn read(records: &Path) -> Result<Self, StoreError> {
-        let links: Vec<ChainEntry> = chains(records, usize::MAX)?.into_iter().flat_map(|day| day.lines).collect();
+        let mut unreadable = HashMap::new();
+        let mut links = Vec::new();
+        // Lines that an editor saved say nothing for sure but which numbers there are.
+        let mut all = Vec::new();
+        for chain in chains(records, usize::MAX)? {
+            let count = chain.edited.len() + chain.broken;
+            if let Some(day) = chain.path.parent().filter(|_| count > 0) {
+                unreadable.insert(name_in(records, day), count);
+            }
+            all.extend(chain.lines.iter().cloned().chain(chain.edited));
+            links.extend(chain.lines);
+        }
+        let holes = Hole::all(&all);
+        let begins = all.into_iter().filter(|link| !link.is_close()).map(|link| (link.run, link.number)).collect();
         let counted = counter(records)?;
         let last = links.iter().map(|link| link.number).max().unwrap_or(0);
         let first = links.iter().min_by_key(|link| link.number).map(|link| day_and_time(&link.run));
@@ -60,6 +115,9 @@ impl Before {
             is_whole,
             is_new,
             beginnings,
+            unreadable,
+            holes,
+            begins,
         })
     }
 
@@ -71,6 +129,24 @@ impl Before {
     /// Whether nothing was ever counted in this folder: the run that ended is its first one, or the whole chain was lost.
     pub(in crate::store) fn is_new(&self) -> bool {
         self.is_new
+    }
+
+    /// Why a run without a line that closed it may have had one all the same: a line of its day is not as it was written, or one is
+    /// missing where its own would stand. Whoever puts the chain right finds the run closed, so nothing may be written for it.
+    pub(in crate::store) fn unsure_of(&self, records: &Path, run: &Path) -> Option<String> {
+        let name = name_in(records, run);
+        let (day, _) = day_and_time(&name);
+        if let Some(count) = self.unreadable.get(day) {
+            return Some(format!(
+                "the chain of {day} holds {count} lines that cannot be read: runs of this day without a line are left as they are; restore it from a backup, then start again"
+            ));
+        }
+        let began = self.begins.get(&name).copied();
+        let hole = self.holes.iter().find(|hole| hole.may_hold(&name, began))?;
+        let (before, after) = hole.numbers;
+        Some(format!(
+            "the chain lacks the lines between line {before} and line {after}: runs whose line may be missing there are left as they are; restore the chain from a backup, then start again"
+        ))
     }
 
     /// Whether a run that ended may have missed its line by a sudden end of its station. A run from before the first line

@@ -74,6 +74,8 @@ pub struct ChainBook {
     torn: Vec<String>,
     /// Days whose chain cannot be read: what it says is not known.
     unread: HashSet<String>,
+    /// Days with lines that cannot be read.
+    broken_days: HashSet<String>,
 }
 
 /// Checks the chain from the first line to the last.
@@ -152,6 +154,7 @@ impl ChainBook {
                         ));
                     }
                     if chain.broken > 0 {
+                        book.broken_days.insert(day.clone());
                         book.broken.push(format!(
                             "{}: {} lines do not belong to a chain",
                             gnc_text::shown_path(&chain.path),
@@ -203,7 +206,7 @@ impl ChainBook {
     #[must_use]
     pub fn broke_off(&self, run: &Path) -> Option<String> {
         let name = name_in(&self.records, run);
-        (self.begins.contains_key(&name) && self.close_of(&name).is_none()).then(|| closing_broke_off(&name))
+        (self.begins.contains_key(&name) && self.close_of(&name).is_none()).then(|| self.closing_broke_off(&name))
     }
 
     /// What is wrong with a run without digests, by the lines that name it: it was closed, or its journal does not begin as it did.
@@ -322,7 +325,7 @@ impl ChainBook {
             if self.has_begun(name) {
                 // Or its station closed it when it was looked at.
                 if !*is_held {
-                    checked.incomplete.push(closing_broke_off(name));
+                    checked.incomplete.push(self.closing_broke_off(name));
                 }
                 continue;
             }
@@ -342,6 +345,25 @@ impl ChainBook {
                 before.len()
             ));
         }
+    }
+
+    /// What to say of a run with digests that began and has no line that closed it. A start writes none where it may be one of
+    /// those that cannot be read, or that are missing behind its beginning.
+    fn closing_broke_off(&self, name: &str) -> String {
+        if self.broken_days.contains(day_and_time(name).0) {
+            return format!(
+                "{name} is not in the chain: a line of its day cannot be read; restore the chain from a backup"
+            );
+        }
+        let behind = self.begins.get(name).and_then(|at| self.lines.get(*at..)).unwrap_or_default();
+        if behind.windows(2).any(|pair| pair[1].number > pair[0].number.saturating_add(1)) {
+            return format!(
+                "{name} is not in the chain: lines behind its beginning are missing; restore the chain from a backup"
+            );
+        }
+        format!(
+            "{name} is not in the chain: its station ended, or could not write, while it closed the run; the next start goes on"
+        )
     }
 
     /// Compares the end of the chain with the counter.
@@ -417,12 +439,6 @@ fn missing_between(before: &ChainEntry, after: &ChainEntry) -> String {
             "lines {first} to {last} of the chain are missing, between run {one} ({run}) and run {other} ({its_run}): a day was moved away, or lines were removed"
         )
     }
-}
-
-fn closing_broke_off(name: &str) -> String {
-    format!(
-        "{name} is not in the chain: its station ended, or could not write, while it closed the run; the next start goes on"
-    )
 }
 
 /// Whether a line says that it follows the one at this place.

@@ -218,6 +218,10 @@ impl ChainEntry {
 
     /// `None` if the text is not a line of a chain, letter for letter as a station writes it.
     pub(super) fn parse(line: &str) -> Option<Self> {
+        // An editor of Windows leaves it at the end of a line, where it would be part of a run's name.
+        if line.contains('\r') {
+            return None;
+        }
         let mut words = line.split(' ').peekable();
         let mut word = || words.next().map(str::to_owned);
         let (number, before, digest, link, fifth) = (word()?, word()?, word()?, word()?, word()?);

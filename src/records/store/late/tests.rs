@@ -7,6 +7,7 @@ use gnc_executive::event::{BenchKind, ProgramVersion};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::{Flaw, Seal};
 use serde_json::json;
+use sha2::Digest as _;
 
 use super::*;
 use crate::shift::{ShiftBook, ShiftOf};
@@ -414,4 +415,106 @@ fn signed_digests_are_kept_when_their_run_is_closed_late() {
         fs::write(run.join(DIGESTS_BEFORE), "").unwrap();
         assert_eq!(as_written::verify(&run), ["SHA256SUMS.before was changed"]);
     }
+}
+
+/// A line that cannot be read may be that of a run which looks as if it had none: nothing is written until the chain is put right, and
+/// then all is as it was.
+#[test]
+fn a_chain_that_was_damaged_closes_nothing_late() {
+    type Damage = fn(&str) -> String;
+    let line_2 = |text: &str| text.lines().nth(1).unwrap().to_owned() + "\n";
+    let damages: [(&str, Damage, &str); 5] = [
+        ("a word", |text| text.replacen("close", "cl0se", 1), "holds 1 lines that cannot be read"),
+        (
+            "a signature",
+            |text| text.replacen("functional\n3", "functional sig aX\n3", 1),
+            "holds 1 lines that cannot be read",
+        ),
+        (
+            "a line",
+            |text| text.lines().enumerate().filter(|(at, _)| *at != 1).map(|(_, line)| format!("{line}\n")).collect(),
+            "between line 1 and line 3",
+        ),
+        ("line ends", |text| text.replace('\n', "\r\n"), "holds 4 lines that cannot be read"),
+        (
+            "a mark and line ends",
+            |text| format!("\u{feff}{}", text.replace('\n', "\r\n")),
+            "holds 4 lines that cannot be read",
+        ),
+    ];
+    for (name, damage, why) in damages {
+        let shelf = Shelf::new();
+        let runs = [shelf.closed("SN-1", "10:00:00"), shelf.closed("SN-2", "11:00:00")];
+        let path = shelf.path().join(DAY).join(CHAIN);
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(line_2(&text).contains(" close "), "{text}");
+        let damaged = damage(&text);
+        assert_ne!(damaged, text, "{name}");
+        fs::write(&path, &damaged).unwrap();
+        let said = shelf.start();
+        let said: Vec<_> = said.iter().filter(|line| !line.starts_with("COUNTER ")).collect();
+        assert!(said.len() == 1 && said[0].contains(why) && said[0].contains("then start again"), "{name}: {said:?}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), damaged, "{name}");
+        let checked = chain::verify(shelf.path()).unwrap();
+        let all = [checked.problems, checked.incomplete].concat();
+        assert!(!all.is_empty() && all.iter().all(|line| !line.contains("next start")), "{name}: {all:?}");
+        if name.contains("line ends") {
+            assert!(all.len() == 1 && all[0].contains("an editor saved the file"), "{name}: {all:?}");
+        }
+        fs::write(&path, &text).unwrap();
+        assert_eq!((shelf.start(), shelf.late()), (Vec::new(), (0, Vec::new())), "{name}");
+        for run in runs {
+            assert_eq!((as_written::verify(&run), shelf.seal(&run)), (Vec::new(), Seal::Chained), "{name}");
+        }
+    }
+}
+
+/// Lines of the first versions end with the run's name.
+#[test]
+fn a_line_of_the_first_version_with_another_end_is_none() {
+    let shelf = Shelf::new();
+    for (serial_number, time) in [("SN-1", "10:00:00"), ("SN-2", "11:00:00")] {
+        let run = shelf.ended(serial_number, STATION, time);
+        close_now(&run);
+    }
+    let path = shelf.path().join(DAY).join(CHAIN);
+    // Each line as those versions wrote it, of the runs that were closed.
+    let (mut text, mut before) = (String::new(), "0".repeat(64));
+    let written = fs::read_to_string(&path).unwrap();
+    for (at, line) in written.lines().filter(|line| line.contains(" close ")).enumerate() {
+        let words: Vec<&str> = line.split(' ').collect();
+        let (number, digest, run) = (at + 1, words[2], words[7]);
+        let link =
+            crate::store::digest::hexadecimal(&sha2::Sha256::digest(format!("{number} {before} {digest} {run}")));
+        text.push_str(&format!("{number} {before} {digest} {link} {run}\n"));
+        before = link;
+    }
+    fs::write(shelf.path().join(COUNTER), format!("2 {before}\n")).unwrap();
+    fs::write(&path, &text).unwrap();
+    assert_eq!(shelf.late(), (0, Vec::new()));
+    let saved = text.replace('\n', "\r\n");
+    fs::write(&path, &saved).unwrap();
+    let problems = shelf.late().1;
+    assert!(problems.len() == 1 && problems[0].contains("an editor saved the file"), "{problems:?}");
+    let said = shelf.start();
+    assert!(said.iter().any(|line| line.contains("holds 2 lines that cannot be read")), "{said:?}");
+    assert_eq!(fs::read_to_string(&path).unwrap(), saved);
+}
+
+/// Old days stand on another disk: a run that began since is closed late all the same.
+#[test]
+fn days_that_were_moved_away_stop_no_closing() {
+    let shelf = Shelf::new();
+    shelf.closed("SN-0", "09:00:00");
+    shelf.closed("SN-1", "10:00:00");
+    let chain = shelf.path().join(DAY).join(CHAIN);
+    let text = fs::read_to_string(&chain).unwrap();
+    let kept: String =
+        text.lines().enumerate().filter(|(at, _)| *at != 1).map(|(_, line)| format!("{line}\n")).collect();
+    fs::write(&chain, kept).unwrap();
+    fs::remove_dir_all(shelf.path().join(DAY).join("SN-0")).unwrap();
+    let run = shelf.ended("SN-2", STATION, "14:30:00");
+    let said = shelf.start();
+    assert!(said.len() == 1 && said[0].contains("it is closed late now"), "{said:?}");
+    assert_eq!(shelf.seal(&run), Seal::Flawed(Flaw::ClosedLate));
 }
