@@ -211,7 +211,8 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     }
     out.say(format_args!("{whole} of {ended} runs are as written"));
     if let Some(checked) = &chain {
-        bad += along_the_chain(checked, &mut out);
+        bad += along_the_chain(checked, &mut out) + checked.litter.len();
+        littered += checked.litter.len();
         incomplete += checked.incomplete.len();
     } else if let Some((_, book)) = folders.last().and_then(|folder| books.of(folder)) {
         for problem in book.unlike(against.heads) {
@@ -311,7 +312,7 @@ fn against_the_chain(run: &Path, found: &Verified, books: &mut Books) -> Option<
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.
 fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) -> usize {
-    let ChainCheck { runs, first, problems, incomplete, notes, late, signed: _ } = checked;
+    let ChainCheck { runs, first, problems, incomplete, notes, late, litter, signed: _ } = checked;
     if problems.is_empty() && incomplete.is_empty() && *runs > 0 {
         let elsewhere = if *first > 1 {
             format!(" from run {first} on; earlier runs are not in this folder")
@@ -325,7 +326,7 @@ fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) 
         1 => out.say("1 run of the chain was closed late and never counts as a pass"),
         late => out.say(format_args!("{late} runs of the chain were closed late and never count as a pass")),
     }
-    for said in notes.iter().chain(incomplete).chain(problems) {
+    for said in notes.iter().chain(incomplete).chain(litter).chain(problems) {
         out.say_of(&out.wording.text("chain"), printable(said));
     }
     problems.len()
