@@ -266,6 +266,18 @@ fn a_second_judgement_of_a_signed_run_is_signed() {
     assert!(other.stderr.contains("this key did not sign the run"), "{}", other.stderr);
     assert_eq!(place.runs().len(), runs);
     assert_eq!(verify().code, Some(0), "{}", verify().stdout);
+    // The run alone is as it was written, and nothing proves when and where it was closed. It was signed, so it had a chain.
+    let records = place.path().join("records");
+    for day in fs::read_dir(&records).expect("the records") {
+        let _ = fs::remove_file(day.expect("a day").path().join("CHAIN"));
+    }
+    fs::remove_file(records.join("COUNTER")).expect("the counter");
+    let told = "no chain stands beside it: its number, time and place are not proved";
+    let alone = place.run(["records", "verify", &folder]);
+    assert!(alone.code == Some(0) && alone.stdout.contains("as written"), "{}{}", alone.stdout, alone.stderr);
+    assert!(alone.stdout.contains(told), "{}", alone.stdout);
+    let signed = place.run(["records", "verify", &folder, "--key", "station.key.pub"]);
+    assert!(signed.code == Some(1) && signed.stdout.contains(told), "{}{}", signed.stdout, signed.stderr);
 }
 
 /// A run from before the key has no key that could sign a judgement of it, whichever is given, and the hint asks for none.
