@@ -111,7 +111,11 @@ fn other(folder: &Path, path: &Path, reach: Reach, key: Option<StationKey>) -> R
     let key = key.filter(|_| !is_foreign);
     // Among signed runs one without a signature would be a finding for ever.
     if key.is_none() && run.header.bench.kind != BenchKind::Simulated && chain::is_signed_beside(folder)? {
-        return Err(if is_foreign { RunError::ForeignKey } else { RunError::NoKey });
+        return Err(match is_foreign {
+            _ if !as_written::is_signed(folder) => RunError::Unsigned,
+            true => RunError::ForeignKey,
+            false => RunError::NoKey,
+        });
     }
     let again = again::judge(&run, plan, Some(of))?;
     let path = file(folder, plan, &again, key)?;

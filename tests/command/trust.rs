@@ -266,6 +266,46 @@ fn a_second_judgement_of_a_signed_run_is_signed() {
     assert!(other.stderr.contains("this key did not sign the run"), "{}", other.stderr);
     assert_eq!(place.runs().len(), runs);
     assert_eq!(verify().code, Some(0), "{}", verify().stdout);
+    // The run alone is as it was written, and nothing proves when and where it was closed. It was signed, so it had a chain.
+    let records = place.path().join("records");
+    for day in fs::read_dir(&records).expect("the records") {
+        let _ = fs::remove_file(day.expect("a day").path().join("CHAIN"));
+    }
+    fs::remove_file(records.join("COUNTER")).expect("the counter");
+    let told = "no chain stands beside it: its number, time and place are not proved";
+    let alone = place.run(["records", "verify", &folder]);
+    assert!(alone.code == Some(0) && alone.stdout.contains("as written"), "{}{}", alone.stdout, alone.stderr);
+    assert!(alone.stdout.contains(told), "{}", alone.stdout);
+    let signed = place.run(["records", "verify", &folder, "--key", "station.key.pub"]);
+    assert!(signed.code == Some(1) && signed.stdout.contains(told), "{}{}", signed.stdout, signed.stderr);
+}
+
+/// A run from before the key has no key that could sign a judgement of it, whichever is given, and the hint asks for none.
+#[test]
+fn a_run_from_before_the_key_is_judged_in_a_folder_of_its_own() {
+    let board = gnc_tests::Board::start(super::MOCK, &["--speed", "max", "--serial-number", "SIM-0001"]);
+    let place = place();
+    assert_eq!(place.run(["records", "key", "station.key"]).code, Some(0));
+    place.write("bench.toml", &board.bench_file("line-2"));
+    assert_eq!(place.run(["--auto"].iter().chain(&ON_BOARD)).code, Some(0));
+    let run = place.runs()[0].clone();
+    bench(&place, &board, "");
+    assert_eq!(place.run(["--auto"].iter().chain(&ON_BOARD)).code, Some(0));
+    place.write("looser.toml", &GOOD.replace("<= 0", "<= 9"));
+    place.write("elsewhere.toml", "[station]\nid = \"line-3\"\n");
+    let judge = |folder: &std::path::Path, more: &[&str]| {
+        let folder = folder.to_string_lossy().into_owned();
+        place.run([&["recompute", &folder, "--plan", "looser.toml"][..], more].concat())
+    };
+    for more in [["--key", "station.key"], ["--bench", "elsewhere.toml"]] {
+        let judged = judge(&run, &more);
+        let told = format!("{}{}", judged.stdout, judged.stderr);
+        assert!(judged.code == Some(2) && told.contains("the run is not signed, and runs beside it are"), "{told}");
+        assert!(
+            told.contains("copy the run into a records folder of its own") && !told.contains("private key"),
+            "{told}"
+        );
+    }
 }
 
 /// A loosened plan and an added one are refused before any run, by `--auto` and by `plan check`.

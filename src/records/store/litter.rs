@@ -13,6 +13,17 @@ pub(super) fn is_litter(file: &Path) -> bool {
     })
 }
 
+/// Names of folders that file servers and systems make on each disk that they see, whatever the case of their letters. No name of the
+/// station has such letters: it writes them in digits.
+const FOLDERS: [&str; 5] = ["@eaDir", "#recycle", "$RECYCLE.BIN", "System Volume Information", "lost+found"];
+
+/// Whether what stands among days, modules or runs is a folder with such a name: `@eaDir`, `.Trash-1000`, `$RECYCLE.BIN`. A link is none.
+pub(super) fn is_litter_folder(folder: &Path) -> bool {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    let is_named = name.starts_with('.') || FOLDERS.iter().any(|litter| name.eq_ignore_ascii_case(litter));
+    is_named && folder.symlink_metadata().is_ok_and(|meta| meta.is_dir())
+}
+
 /// What to say of a file that was added to a closed run.
 pub(super) fn added(file: &Path, all_else_is_as_written: bool) -> String {
     let file = gnc_text::shown_path(file);

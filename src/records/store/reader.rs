@@ -12,6 +12,7 @@ use gnc_executive::record::RunRecord;
 use gnc_executive::state::RunState;
 
 use super::begun::was_never_begun;
+use super::litter::is_litter_folder;
 use super::{DIGESTS, JOURNAL, PLAN, RECORD, StoreError, UNASSIGNED, chain, goes_on, name, on, pending};
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
@@ -496,7 +497,7 @@ fn folders(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {
     for entry in on(fs::read_dir(dir), "read", dir)? {
         let path = on(entry, "read", dir)?.path();
         // A link to a folder is none of the records, wherever it leads; `verify` names it.
-        if path.symlink_metadata().is_ok_and(|meta| meta.is_dir()) {
+        if path.symlink_metadata().is_ok_and(|meta| meta.is_dir()) && !is_litter_folder(&path) {
             found.push(path);
         }
     }

@@ -36,6 +36,10 @@ pub(super) enum RunError {
         "this key did not sign the run, and runs beside it are signed: a judgement without a signature would be a finding of `records verify --key` for ever"
     )]
     ForeignKey,
+    #[error(
+        "the run is not signed, and runs beside it are: a judgement without a signature would be a finding of `records verify --key` for ever"
+    )]
+    Unsigned,
     #[error(transparent)]
     Part(#[from] PartNotNamed),
     #[error(transparent)]
@@ -59,6 +63,7 @@ impl RunError {
             Self::ForeignKey => {
                 "give the private key of the station that carried it out with --key FILE; or copy the run into a records folder of its own, DIR/DATE/NUMBER/RUN, and judge it there"
             }
+            Self::Unsigned => "copy the run into a records folder of its own, DIR/DATE/NUMBER/RUN, and judge it there",
             Self::Unfit { .. } => "give a plan with the same items under the same names; limits may differ",
             Self::Part(error) => error.try_this(),
             Self::Captures(error) => error.source.try_this(),

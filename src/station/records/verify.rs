@@ -22,6 +22,9 @@ const NOT_AS_WRITTEN: u8 = 1;
 /// Exit code of a verification that found no change, but what a sudden end left: the next start mends it.
 const INCOMPLETE: u8 = 3;
 
+/// What to say of a closed run that was copied alone, or whose chain was taken away.
+const NO_CHAIN: &str = "no chain stands beside it: its number, time and place are not proved";
+
 /// Longest copy of `COUNTER` that is read: it is one line, and people may have written beside it.
 const MAX_COUNTER_BYTES: u64 = 4096;
 
@@ -171,6 +174,12 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             let signs = if began_signed { against.keys } else { &[] };
             found.problems.extend(as_written::verify_captured(folder, signs));
         }
+        // Where no run is named, the chain is told behind the runs.
+        let is_alone =
+            all.is_none() && reader::is_sealed(folder) && books.of(folder).is_none_or(|(_, book)| book.is_empty());
+        // Each signed run got a line of the chain.
+        let lost_its_chain = is_alone && !against.keys.is_empty() && as_written::is_signed(folder);
+        found.problems.extend(lost_its_chain.then(|| NO_CHAIN.to_owned()));
         let whole = found.problems.is_empty();
         // A chain that cannot be read is told with the chain.
         let late = late_closes.of(folder).ok().flatten();
@@ -189,6 +198,9 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         }
         if let Some(why) = unsigned.filter(|_| whole) {
             out.say(format_args!("{place}: as written; {why}"));
+        }
+        if is_alone && !lost_its_chain {
+            out.say_of(&place.to_string(), printable(NO_CHAIN));
         }
         for problem in &found.problems {
             out.say_of(&place.to_string(), printable(problem));
@@ -211,7 +223,8 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     }
     out.say(format_args!("{whole} of {ended} runs are as written"));
     if let Some(checked) = &chain {
-        bad += along_the_chain(checked, &mut out);
+        bad += along_the_chain(checked, &mut out) + checked.litter.len();
+        littered += checked.litter.len();
         incomplete += checked.incomplete.len();
     } else if let Some((_, book)) = folders.last().and_then(|folder| books.of(folder)) {
         for problem in book.unlike(against.heads) {
@@ -311,7 +324,7 @@ fn against_the_chain(run: &Path, found: &Verified, books: &mut Books) -> Option<
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.
 fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) -> usize {
-    let ChainCheck { runs, first, problems, incomplete, notes, late, signed: _ } = checked;
+    let ChainCheck { runs, first, problems, incomplete, notes, late, litter, signed: _ } = checked;
     if problems.is_empty() && incomplete.is_empty() && *runs > 0 {
         let elsewhere = if *first > 1 {
             format!(" from run {first} on; earlier runs are not in this folder")
@@ -325,7 +338,7 @@ fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) 
         1 => out.say("1 run of the chain was closed late and never counts as a pass"),
         late => out.say(format_args!("{late} runs of the chain were closed late and never count as a pass")),
     }
-    for said in notes.iter().chain(incomplete).chain(problems) {
+    for said in notes.iter().chain(incomplete).chain(litter).chain(problems) {
         out.say_of(&out.wording.text("chain"), printable(said));
     }
     problems.len()

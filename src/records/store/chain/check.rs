@@ -37,6 +37,8 @@ pub struct ChainCheck {
     pub first: u64,
     /// What was changed, a sentence each.
     pub problems: Vec<String>,
+    /// Folders beside the runs that file servers and file managers make, a sentence each.
+    pub litter: Vec<String>,
     /// What a sudden end or a disk error left, a sentence each; the next start mends it.
     pub incomplete: Vec<String>,
     /// What a reader should know, and is no change.
@@ -93,13 +95,14 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
 pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainCheck, ChainBook), StoreError> {
     // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
     let closed = closed(records)?;
-    let strays = places::strays(records);
+    let places::Strays { problems: strays, litter } = places::strays(records);
     let book = ChainBook::read_held(records)?;
     let mut checked = ChainCheck {
         runs: book.lines.iter().filter(|line| line.is_close()).count(),
         late: book.lines.iter().filter(|line| line.late.is_some()).count(),
         first: book.lines.first().map_or(0, |line| line.number),
         problems: strays,
+        litter,
         incomplete: book.torn.clone(),
         notes: Vec::new(),
         signed: 0,

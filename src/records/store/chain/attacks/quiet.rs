@@ -203,6 +203,34 @@ fn files_of_a_file_manager_are_told_apart() {
     );
 }
 
+/// Folders that file servers and systems make beside the runs are neither modules nor runs, and no change of the records. What has such a
+/// name and is none, and what has another name, is told as before.
+#[test]
+fn folders_of_a_file_server_are_told_apart() {
+    let shelf = Shelf::new();
+    let runs = crate::store::reader::paths(shelf.path()).unwrap();
+    let made = ["2026-11-21/@eaDir", "2026-11-21/B/@eaDir", "2026-11-21/B/.Trash-1000"];
+    let tops = [".Trash-1000/files", "$RECYCLE.BIN/S-1", "System Volume Information", ".Spotlight-V100", ".fseventsd"];
+    for folder in made.iter().chain(&tops) {
+        fs::create_dir_all(shelf.path().join(folder).join("110000-functional@SynoEAStream")).unwrap();
+    }
+    // A run that a person threw away and that the chain does not name.
+    fs::write(shelf.path().join(".Trash-1000/files/110000-functional@SynoEAStream/events.jsonl"), "{}\n").unwrap();
+    assert_eq!(crate::store::reader::paths(shelf.path()).unwrap(), runs);
+    let checked = crate::store::chain::verify(shelf.path()).unwrap();
+    assert_eq!(checked.problems, Vec::<String>::new());
+    let mut litter: Vec<String> =
+        checked.litter.iter().map(|told| told.split(" is ").next().unwrap().to_owned()).collect();
+    litter.sort();
+    let mut expected = made.to_vec();
+    expected.sort_unstable();
+    assert!(litter.iter().zip(&expected).all(|(told, folder)| told.ends_with(folder)), "{litter:?}");
+    assert_eq!(litter.len(), expected.len());
+    std::os::unix::fs::symlink("A", shelf.path().join("2026-11-21/.elsewhere")).unwrap();
+    fs::write(shelf.path().join("2026-11-21/B/log.txt"), "x").unwrap();
+    assert_eq!(crate::store::chain::verify(shelf.path()).unwrap().problems.len(), 2);
+}
+
 /// What is there and cannot be read is not called missing.
 #[test]
 fn a_signature_that_cannot_be_read_is_not_missing() {
