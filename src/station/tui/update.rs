@@ -1,5 +1,6 @@
 //! Applies messages to the model, and returns the effects that they ask for.
 
+pub(super) mod interrupt;
 mod keys;
 mod numbers;
 mod question;
@@ -231,6 +232,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         }
         Msg::WatchOver { why } => {
             model.watching = false;
+            interrupt::ended(model);
             // Where no value came, the station has switched nothing on.
             let seen = if why.is_none() { Some(PowerSeen::Off) } else { None };
             let unknown = || (!model.live.is_empty()).then_some(PowerSeen::Unknown);

@@ -271,7 +271,7 @@ fn a_refused_bench_says_all_and_is_looked_at_again() {
     assert!(scene.model.run.is_some());
 }
 
-/// Ctrl-C stops what is on, as F8 does; says no to a question of a start; and ends the program where nothing is on, as F10 does.
+/// Ctrl-C stops what is on, as F8 does; says no to a question of a start; and, pressed twice, ends the program where nothing is on.
 #[test]
 fn ctrl_c_means_what_an_interrupt_means() {
     let c = Key::Ctrl('c');
@@ -280,15 +280,19 @@ fn ctrl_c_means_what_an_interrupt_means() {
         for key in &before {
             scene.key(*key);
         }
+        assert_eq!(scene.key(c), None, "{before:?}");
+        assert!(scene.text().contains(scene.model.texts.interrupt_again), "{}", scene.text());
         assert_eq!(scene.key(c), Some(Effect::Leave), "{before:?}");
     }
     let mut scene = super::scene(Lang::En);
     start(&mut scene, changed(), None);
+    scene.pass_time(Duration::from_secs(1));
     assert_eq!((scene.key(c), &scene.model.pending), (None, &None), "no run of changed files");
-    assert_eq!(scene.key(c), Some(Effect::Leave));
+    assert_eq!([scene.key(c), scene.key(c)], [None, Some(Effect::Leave)]);
     // A run: in order, then at once, also over the question whether to leave.
     let mut scene = super::scene(Lang::En);
     scene.start("DEMO-1");
+    scene.pass_time(Duration::from_secs(1));
     scene.key(Key::F(10));
     for stops in [1, 2] {
         assert_eq!(scene.key(c), Some(Effect::Stop));
@@ -297,7 +301,8 @@ fn ctrl_c_means_what_an_interrupt_means() {
     // The run waits for a disk or a lock: a third and a fourth one are signals, of which the second ends the program in any state.
     assert_eq!([scene.key(c), scene.key(c)], [Some(Effect::Raise), Some(Effect::Raise)]);
     scene.run_ends(Outcome::Aborted);
-    assert_eq!(scene.key(c), Some(Effect::Leave));
+    scene.pass_time(Duration::from_secs(5));
+    assert_eq!([scene.key(c), scene.key(c)], [None, Some(Effect::Leave)]);
 }
 
 /// A scan, or the start of the program, tells of a run that can be resumed. A later scan of another module does not.

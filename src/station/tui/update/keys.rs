@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use gnc_bench::fixture::Reply;
 
+use super::interrupt::{self, interrupt};
 use super::start::{self, What};
 use super::{Effect, numbers, question, scan, set_language, words};
 use crate::tui::decode::Key;
@@ -20,6 +21,7 @@ const PAGE_LINES: isize = 10;
 const FINGER_FALLS: Duration = Duration::from_millis(1500);
 
 pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
+    interrupt::note(model, key);
     let place = model.place();
     if let Key::Char(character) | Key::Pasted(character) = key {
         model.scan.keep(character);
@@ -223,7 +225,7 @@ fn give_up(model: &mut ScreenModel, item: &str) -> Option<Effect> {
 }
 
 /// Stops the run, or asks first if the stop would lose much. Only the first stop asks.
-fn stop_or_ask(model: &mut ScreenModel) -> Option<Effect> {
+pub(super) fn stop_or_ask(model: &mut ScreenModel) -> Option<Effect> {
     let lost_s = model.lost_s();
     if lost_s > ASK_FROM_S && model.run.as_ref().is_some_and(|run| !run.over && run.stops == 0) {
         model.over.push(Over::Stop { lost_s });
@@ -232,24 +234,9 @@ fn stop_or_ask(model: &mut ScreenModel) -> Option<Effect> {
     stop(model)
 }
 
-fn stop_anyway(model: &mut ScreenModel) -> Option<Effect> {
+pub(super) fn stop_anyway(model: &mut ScreenModel) -> Option<Effect> {
     model.over.retain(|over| !matches!(over, Over::Stop { .. }));
     stop(model)
-}
-
-/// Stops of a run that the session can carry out: in order, and at once.
-const STOPS: u32 = 2;
-
-/// Ctrl-C: what is on is stopped, a question of a start is answered with no, and where nothing is on the program ends. A run that is
-/// still there after it was stopped at once waits for a disk or a lock: from then on ctrl-C is the signal that it is elsewhere.
-fn interrupt(model: &mut ScreenModel, place: KeyContext) -> Option<Effect> {
-    match place {
-        KeyContext::Stopping => stop_anyway(model),
-        _ if model.run.as_ref().is_some_and(|run| !run.over && run.stops >= STOPS) => Some(Effect::Raise),
-        _ if model.is_running() || model.watching => stop_or_ask(model),
-        _ if is_asking(place) => start::answer(model, KeyAction::No).unwrap_or_else(|| answer(model, false)),
-        _ => leave(model),
-    }
 }
 
 fn stop(model: &mut ScreenModel) -> Option<Effect> {
@@ -293,7 +280,7 @@ fn read_records(model: &mut ScreenModel) -> Option<Effect> {
     }
 }
 
-fn leave(model: &mut ScreenModel) -> Option<Effect> {
+pub(super) fn leave(model: &mut ScreenModel) -> Option<Effect> {
     if model.watching {
         model.leaving = true;
         return Some(Effect::Stop);
@@ -419,7 +406,7 @@ fn back(model: &mut ScreenModel, place: KeyContext) {
     }
 }
 
-fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
+pub(super) fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
     if model.over.pop_if(|over| matches!(over, Over::Stop { .. } | Over::GiveUp { .. })).is_some() {
         return None;
     }
