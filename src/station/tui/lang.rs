@@ -228,6 +228,8 @@ pub(crate) struct Texts {
     pub leave_title: &'static str,
     pub leave_question: &'static str,
     pub leave_stop_first: &'static str,
+    pub interrupt_again: &'static str,
+    pub interrupt_after_run: &'static str,
     pub prompt_title: &'static str,
     pub asked_since: &'static str,
     pub asked_log: &'static str,

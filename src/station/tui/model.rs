@@ -24,6 +24,7 @@ use super::pending::{Interrupted, PendingStart};
 use super::pictures::Pictures;
 pub(crate) use super::prompt::Prompt;
 use super::records::Records;
+use super::update::interrupt::Interrupts;
 use crate::files::ChangedFile;
 pub(crate) use crate::locale::Glyphs;
 pub(crate) use files::{BenchView, DriftLimits, Loaded, PlanAsks, PlanView, ProgramView, UsualOperator};
@@ -152,6 +153,8 @@ pub(crate) struct ScreenModel {
     pub shift: Option<Shift>,
     /// The terminal is to ring.
     pub ring: bool,
+    /// What tells the meaning of ctrl-C.
+    pub interrupts: Interrupts,
     /// The program ends as soon as the run has stopped.
     pub leaving: bool,
     /// The screen must draw every cell again, since other output has overwritten the cells.
@@ -204,6 +207,7 @@ impl ScreenModel {
             records: Records::default(),
             shift: None,
             ring: false,
+            interrupts: Interrupts::default(),
             leaving: false,
             redraw: false,
             scroll_end: Cell::new(0),

@@ -275,6 +275,11 @@ impl ScreenSession {
                 self.aside(move || Msg::Prepared(Box::new(look.prepare(resume))));
             }
             Effect::Choose { plan, bench } => self.choose(Some((plan, bench))),
+            Effect::Look { plan, bench } => {
+                let mut args = self.args.clone();
+                files::set_bench(&mut args, &bench);
+                self.aside(move || Msg::LookedAt(Box::new(files::look_for_form(&args, plan, bench))));
+            }
             Effect::ListChoices => {
                 let held = self.held.plan.as_ref().map(|held| held.path.clone());
                 let plan = held.or_else(|| self.plan.clone()).unwrap_or_default();

@@ -5,7 +5,7 @@ use gnc_executive::numbers::NumberField;
 use super::decode::Key;
 use super::field::InputField;
 use super::lang::Lang;
-use super::model::{AfterFailure, RoundsSetting, ScreenModel};
+use super::model::{AfterFailure, BenchView, Loaded, PlanView, RoundsSetting, ScreenModel};
 use super::numbers::label;
 
 /// Largest number of rounds or minutes that can be asked for: a month of minutes.
@@ -66,6 +66,22 @@ pub(crate) enum RoundsKind {
     Minutes,
 }
 
+/// What a look at the files of the form found. Nothing of it is held: F5 on the page runs what was there before.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct FormLook {
+    pub plan_path: String,
+    pub bench_path: String,
+    pub bench: Loaded<BenchView>,
+    pub plan: Loaded<PlanView>,
+}
+
+impl FormLook {
+    /// Whether it was at these files.
+    pub(crate) fn is_at(&self, plan_path: &str, bench_path: &str) -> bool {
+        self.plan_path == plan_path && self.bench_path == bench_path
+    }
+}
+
 /// The form as it is being filled in.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Form {
@@ -82,6 +98,8 @@ pub(crate) struct Form {
     pub number: InputField,
     pub after_failure: AfterFailure,
     pub lang: Lang,
+    /// The last look at its files.
+    pub look: Option<FormLook>,
 }
 
 impl Form {
@@ -111,6 +129,7 @@ impl Form {
             number: InputField::new(&number.to_string()),
             after_failure: model.after_failure,
             lang: model.lang,
+            look: None,
         }
     }
 

@@ -1,6 +1,7 @@
 //! What keys do, and what the screen shows then. Time stands still in all tests.
 
 mod captures;
+mod interrupts;
 mod numbers;
 mod old;
 mod parts;

@@ -1,5 +1,6 @@
 //! Applies messages to the model, and returns the effects that they ask for.
 
+pub(super) mod interrupt;
 mod keys;
 mod numbers;
 mod question;
@@ -27,7 +28,7 @@ use super::model::{
 use super::pending::{Interrupted, Prepared};
 use super::pictures::{DrawnPicture, PictureTrouble, PictureWanted};
 use super::records::{Check, Checked, Day, OpenRun, RunMark, Runs, Unopened};
-use super::setup_form::Choices;
+use super::setup_form::{Choices, FormLook};
 use crate::phrases::in_language;
 
 /// Something that happened.
@@ -61,6 +62,8 @@ pub(crate) enum Msg {
     Bench { path: String, bench: Loaded<BenchView> },
     /// The plan was checked.
     Plan { path: String, plan: Loaded<PlanView> },
+    /// The files of the form were looked at.
+    LookedAt(Box<FormLook>),
     /// Files to choose from.
     Choices(Choices),
     /// A run of a module broke off, as far as the records tell: after a scan, or at the start.
@@ -142,6 +145,11 @@ pub(crate) enum Effect {
         plan: String,
         bench: String,
     },
+    /// Read a plan and a bench for the form, and hold neither.
+    Look {
+        plan: String,
+        bench: String,
+    },
     ListChoices,
     ListDays,
     ListRuns(String),
@@ -210,6 +218,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             take_operator(model);
         }
         Msg::Plan { path, plan } => return take_plan(model, path, plan),
+        Msg::LookedAt(look) => keys::looked_at(model, *look),
         Msg::Choices(choices) => model.choices = choices,
         Msg::BrokeOff { serial_number, run } => run::broke_off(model, &serial_number, run.as_ref()),
         Msg::Standing { serial_number, standing } => run::standing(model, &serial_number, standing),
@@ -231,6 +240,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         }
         Msg::WatchOver { why } => {
             model.watching = false;
+            interrupt::ended(model);
             // Where no value came, the station has switched nothing on.
             let seen = if why.is_none() { Some(PowerSeen::Off) } else { None };
             let unknown = || (!model.live.is_empty()).then_some(PowerSeen::Unknown);

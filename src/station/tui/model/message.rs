@@ -12,6 +12,9 @@ const INFO_STAYS: Duration = Duration::from_secs(30);
 /// How long a warning stays: an operator may be at the socket.
 const WARNING_STAYS: Duration = Duration::from_secs(120);
 
+/// How long the line stays that asks for ctrl-C once more, and how long the second one leaves: long enough to read it.
+const ASKED_TO_LEAVE: Duration = Duration::from_secs(5);
+
 /// How much a message matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MessageWeight {
@@ -74,9 +77,22 @@ impl ScreenModel {
         }
     }
 
+    /// Whether the line on the screen says that ctrl-C leaves. The next one does as long as it is there.
+    pub(crate) fn is_asked_to_leave(&self) -> bool {
+        self.message.as_ref().is_some_and(|(_, told)| told == self.texts.interrupt_again)
+    }
+
+    /// Takes that line away.
+    pub(crate) fn ask_no_more_to_leave(&mut self) {
+        if self.is_asked_to_leave() {
+            self.message = None;
+        }
+    }
+
     /// How long the message stays; `None` if there is none, or if it is an error, which stays until something follows.
     pub(crate) fn message_left(&self) -> Option<Duration> {
         let stays = match self.message.as_ref()?.0 {
+            _ if self.is_asked_to_leave() => ASKED_TO_LEAVE,
             MessageWeight::Info => INFO_STAYS,
             MessageWeight::Warning => WARNING_STAYS,
             MessageWeight::Error => return None,

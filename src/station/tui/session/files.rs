@@ -18,8 +18,8 @@ use crate::args::RunArgs;
 use crate::files::{self, ChangedFile};
 use crate::refusal::CommandRefusal;
 use crate::setup::{self, BENCH_FILE, CheckedBench};
-use crate::tui::model::{BenchView, DriftLimits, PlanAsks, PlanView, ProgramView, UsualOperator};
-use crate::tui::setup_form::Choices;
+use crate::tui::model::{BenchView, DriftLimits, Loaded, PlanAsks, PlanView, ProgramView, UsualOperator};
+use crate::tui::setup_form::{Choices, FormLook};
 
 /// The plan that is used when neither the command line nor the bench file names one.
 const PLAN: &str = "test-plans/functional.toml";
@@ -87,6 +87,22 @@ pub(super) fn look(args: &RunArgs, plan_path: Option<&Path>, tell: impl Fn(Looke
     if let (Some(sha256), Some((_, kind, records))) = (sha256, known) {
         tell(Looked::Expected(archive::last_whole_run_s(&records, &sha256, kind)));
     }
+}
+
+/// Reads and checks bench and plan for the form, which shows them; nothing holds them.
+pub(super) fn look_for_form(args: &RunArgs, plan_path: String, bench_path: String) -> FormLook {
+    let bench = setup::check(args);
+    let abilities = bench.as_ref().map_or(setup::SIMULATED, |bench| bench.abilities);
+    let pinned = bench.as_ref().ok().map(|bench| bench.plans.clone()).unwrap_or_default();
+    let bench = match bench {
+        Ok(checked) => Loaded::Ready(bench_view(&bench_name(args), &checked)),
+        Err(refusal) => Loaded::Refused(lines(&refusal)),
+    };
+    let plan = match plan_view(Path::new(&plan_path), args.reach(), abilities, &pinned) {
+        Ok((_, view)) => Loaded::Ready(view),
+        Err(refusal) => Loaded::Refused(lines(&refusal)),
+    };
+    FormLook { plan_path, bench_path, bench, plan }
 }
 
 pub(super) fn lines(refusal: &CommandRefusal) -> String {

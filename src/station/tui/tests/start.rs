@@ -10,10 +10,11 @@ use super::scene;
 use crate::files::ChangedFile;
 use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
-use crate::tui::model::{Loaded, ProgramView, RoundsSetting};
+use crate::tui::model::{BenchView, Loaded, ProgramView, RoundsSetting};
 use crate::tui::pending::{Interrupted, Prepared, Resumable};
 use crate::tui::records::{Checked, RunMark, Runs, Unopened};
 use crate::tui::scene::{Scene, measured};
+use crate::tui::setup_form::FormLook;
 use crate::tui::update::{Effect, Msg, StartRequest};
 
 const RUN: &str = "records/2026-11-21/DEMO-1/221500-calibration";
@@ -251,10 +252,11 @@ fn a_refused_bench_says_all_and_is_looked_at_again() {
     scene.tell(Msg::Bench { path: "bench.toml".into(), bench: Loaded::Refused(why.into()) });
     scene.key(Key::F(2));
     let again = scene.key(Key::F(5));
-    assert!(matches!(&again, Some(Effect::Choose { bench, .. }) if bench == "bench.toml"), "{again:?}");
+    assert!(matches!(&again, Some(Effect::Look { bench, .. }) if bench == "bench.toml"), "{again:?}");
     assert_eq!(scene.key(Key::F(5)), None, "it is being read");
-    let path = "test-plans/functional.toml".into();
-    scene.tell(Msg::Plan { path, plan: Loaded::Refused("unknown item \"cpo\"".into()) });
+    let (plan_path, bench_path) = ("test-plans/functional.toml".to_owned(), "bench.toml".to_owned());
+    let (bench, plan) = (Loaded::Refused(why.into()), Loaded::Refused("unknown item \"cpo\"".into()));
+    scene.tell(Msg::LookedAt(Box::new(FormLook { plan_path, bench_path, bench, plan })));
     assert!(scene.text().contains("station.key"), "the form shows what was found: {}", scene.text());
     assert!(matches!(scene.key(Key::Enter), Some(Effect::Choose { .. })), "and the form is taken");
     // The bench alone was refused: the plan is as it was.
@@ -271,7 +273,7 @@ fn a_refused_bench_says_all_and_is_looked_at_again() {
     assert!(scene.model.run.is_some());
 }
 
-/// Ctrl-C stops what is on, as F8 does; says no to a question of a start; and ends the program where nothing is on, as F10 does.
+/// Ctrl-C stops what is on, as F8 does; says no to a question of a start; and, pressed twice, ends the program where nothing is on.
 #[test]
 fn ctrl_c_means_what_an_interrupt_means() {
     let c = Key::Ctrl('c');
@@ -280,15 +282,19 @@ fn ctrl_c_means_what_an_interrupt_means() {
         for key in &before {
             scene.key(*key);
         }
+        assert_eq!(scene.key(c), None, "{before:?}");
+        assert!(scene.text().contains(scene.model.texts.interrupt_again), "{}", scene.text());
         assert_eq!(scene.key(c), Some(Effect::Leave), "{before:?}");
     }
     let mut scene = super::scene(Lang::En);
     start(&mut scene, changed(), None);
+    scene.pass_time(Duration::from_secs(1));
     assert_eq!((scene.key(c), &scene.model.pending), (None, &None), "no run of changed files");
-    assert_eq!(scene.key(c), Some(Effect::Leave));
+    assert_eq!([scene.key(c), scene.key(c)], [None, Some(Effect::Leave)]);
     // A run: in order, then at once, also over the question whether to leave.
     let mut scene = super::scene(Lang::En);
     scene.start("DEMO-1");
+    scene.pass_time(Duration::from_secs(1));
     scene.key(Key::F(10));
     for stops in [1, 2] {
         assert_eq!(scene.key(c), Some(Effect::Stop));
@@ -297,7 +303,8 @@ fn ctrl_c_means_what_an_interrupt_means() {
     // The run waits for a disk or a lock: a third and a fourth one are signals, of which the second ends the program in any state.
     assert_eq!([scene.key(c), scene.key(c)], [Some(Effect::Raise), Some(Effect::Raise)]);
     scene.run_ends(Outcome::Aborted);
-    assert_eq!(scene.key(c), Some(Effect::Leave));
+    scene.pass_time(Duration::from_secs(5));
+    assert_eq!([scene.key(c), scene.key(c)], [None, Some(Effect::Leave)]);
 }
 
 /// A scan, or the start of the program, tells of a run that can be resumed. A later scan of another module does not.
@@ -432,4 +439,54 @@ fn no_run_begins_while_values_are_watched() {
     assert_eq!(scene.key(Key::F(8)), Some(Effect::Stop), "of the watch");
     assert_eq!(scene.tell(Msg::WatchOver { why: None }), None);
     assert!(!scene.model.is_running());
+}
+
+/// F5 in the form shows what other files are. Esc leaves plan, bench, ticks and verdict as they were; only Enter takes the new files.
+#[test]
+fn a_look_from_the_form_keeps_what_is_held() {
+    let looked = || {
+        let mut scene = super::scene(Lang::En);
+        scene.start("DEMO-1");
+        scene.run_ends(Outcome::Passed);
+        scene.key(Key::F(2));
+        scene.types("x");
+        let (plan, bench) = ("test-plans/functional.tomlx".to_owned(), "sim:good".to_owned());
+        assert_eq!(scene.key(Key::F(5)), Some(Effect::Look { plan: plan.clone(), bench: bench.clone() }));
+        assert_eq!(scene.key(Key::F(5)), None, "it is being read");
+        assert!(scene.text().contains(scene.model.texts.loading), "{}", scene.text());
+        let found = |plan_path: &str, why: &str| {
+            let (plan_path, bench_path) = (plan_path.to_owned(), bench.clone());
+            let (bench, plan) = (scene_bench(), Loaded::Refused(why.to_owned()));
+            Msg::LookedAt(Box::new(FormLook { plan_path, bench_path, bench, plan }))
+        };
+        assert_eq!(scene.tell(found("other.toml", "a look before")), None);
+        assert_eq!(scene.tell(found(&plan, "unknown item cpo")), None);
+        assert!(scene.text().contains("unknown item cpo"), "{}", scene.text());
+        (scene, found(&plan, "too late"))
+    };
+    let (mut scene, late) = looked();
+    assert_eq!(scene.key(Key::Esc), None);
+    for _ in 0..2 {
+        assert_eq!((scene.model.plan_path.as_str(), scene.model.is_refused()), ("test-plans/functional.toml", false));
+        assert!(scene.model.run.as_ref().is_some_and(|run| run.over), "the verdict stays");
+        assert!(scene.model.plan.ready().is_some_and(|plan| plan.name == "functional"));
+        scene.key(Key::F(2));
+        assert!(!scene.text().contains("unknown item"), "{}", scene.text());
+        scene.key(Key::Esc);
+    }
+    scene.tell(late);
+    assert!(matches!(scene.key(Key::F(5)), Some(Effect::Prepare { .. })), "the held plan runs");
+    let (mut scene, _) = looked();
+    let taken = scene.key(Key::Enter);
+    assert!(matches!(&taken, Some(Effect::Choose { plan, .. }) if plan == "test-plans/functional.tomlx"), "{taken:?}");
+    // The same files, which may be others now: the form is taken with them.
+    let mut scene = super::scene(Lang::En);
+    scene.key(Key::F(2));
+    assert!(matches!(scene.key(Key::F(5)), Some(Effect::Look { .. })));
+    assert!(matches!(scene.key(Key::Enter), Some(Effect::Choose { .. })));
+}
+
+/// The bench of the scenes.
+fn scene_bench() -> Loaded<BenchView> {
+    super::scene(Lang::En).model.bench.clone()
 }

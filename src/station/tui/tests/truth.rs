@@ -319,12 +319,17 @@ fn a_stop_works_from_everywhere() {
         for key in [Key::F(8), Key::Ctrl('c')] {
             let mut scene = scene(Lang::En);
             play(&mut scene);
+            // Behind Enter it may be the scanner's, too.
+            scene.pass_time(Duration::from_secs(1));
+            assert_eq!(scene.key(key), None, "{place}: nothing is on");
             let without_a_run = if key == Key::F(8) { None } else { Some(Effect::Leave) };
-            assert_eq!(scene.key(key), without_a_run, "{place}: nothing is on");
+            assert_eq!(scene.key(key), without_a_run, "{place}: nothing is on, again");
             assert!(!scene.text().contains("F8"), "{place}: {}", scene.text());
             let mut scene = self::scene(Lang::En);
             scene.start("DEMO-1");
             play(&mut scene);
+            // Behind a scan the first ctrl-C may be the scanner's.
+            scene.pass_time(Duration::from_secs(1));
             let foot = scene.text().lines().last().unwrap_or_default().to_owned();
             let full = ["days", "runs"].contains(&place);
             assert!(full || foot.contains("F8"), "{place}: {foot}");

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use gnc_bench::fixture::Reply;
 
+use super::interrupt::{self, interrupt};
 use super::start::{self, What};
 use super::{Effect, numbers, question, scan, set_language, words};
 use crate::tui::decode::Key;
@@ -12,7 +13,7 @@ use crate::tui::live::History;
 use crate::tui::model::{ASK_FROM_S, Loaded, MessageWeight, Over, Pause, ScreenModel, ScreenPage, order};
 use crate::tui::numbers::Owner;
 use crate::tui::records::Check;
-use crate::tui::setup_form::{Form, FormNumber, MAX_ROUNDS};
+use crate::tui::setup_form::{Form, FormLook, FormNumber, MAX_ROUNDS};
 
 /// Lines that a page key moves.
 const PAGE_LINES: isize = 10;
@@ -20,6 +21,7 @@ const PAGE_LINES: isize = 10;
 const FINGER_FALLS: Duration = Duration::from_millis(1500);
 
 pub(super) fn key(model: &mut ScreenModel, key: Key) -> Option<Effect> {
+    interrupt::note(model, key);
     let place = model.place();
     if let Key::Char(character) | Key::Pasted(character) = key {
         model.scan.keep(character);
@@ -223,7 +225,7 @@ fn give_up(model: &mut ScreenModel, item: &str) -> Option<Effect> {
 }
 
 /// Stops the run, or asks first if the stop would lose much. Only the first stop asks.
-fn stop_or_ask(model: &mut ScreenModel) -> Option<Effect> {
+pub(super) fn stop_or_ask(model: &mut ScreenModel) -> Option<Effect> {
     let lost_s = model.lost_s();
     if lost_s > ASK_FROM_S && model.run.as_ref().is_some_and(|run| !run.over && run.stops == 0) {
         model.over.push(Over::Stop { lost_s });
@@ -232,24 +234,9 @@ fn stop_or_ask(model: &mut ScreenModel) -> Option<Effect> {
     stop(model)
 }
 
-fn stop_anyway(model: &mut ScreenModel) -> Option<Effect> {
+pub(super) fn stop_anyway(model: &mut ScreenModel) -> Option<Effect> {
     model.over.retain(|over| !matches!(over, Over::Stop { .. }));
     stop(model)
-}
-
-/// Stops of a run that the session can carry out: in order, and at once.
-const STOPS: u32 = 2;
-
-/// Ctrl-C: what is on is stopped, a question of a start is answered with no, and where nothing is on the program ends. A run that is
-/// still there after it was stopped at once waits for a disk or a lock: from then on ctrl-C is the signal that it is elsewhere.
-fn interrupt(model: &mut ScreenModel, place: KeyContext) -> Option<Effect> {
-    match place {
-        KeyContext::Stopping => stop_anyway(model),
-        _ if model.run.as_ref().is_some_and(|run| !run.over && run.stops >= STOPS) => Some(Effect::Raise),
-        _ if model.is_running() || model.watching => stop_or_ask(model),
-        _ if is_asking(place) => start::answer(model, KeyAction::No).unwrap_or_else(|| answer(model, false)),
-        _ => leave(model),
-    }
 }
 
 fn stop(model: &mut ScreenModel) -> Option<Effect> {
@@ -293,7 +280,7 @@ fn read_records(model: &mut ScreenModel) -> Option<Effect> {
     }
 }
 
-fn leave(model: &mut ScreenModel) -> Option<Effect> {
+pub(super) fn leave(model: &mut ScreenModel) -> Option<Effect> {
     if model.watching {
         model.leaving = true;
         return Some(Effect::Stop);
@@ -383,23 +370,39 @@ fn take_form(model: &mut ScreenModel) -> Option<Effect> {
     set_language(model, form.lang);
     let (plan, bench) = (form.plan.text().trim().to_owned(), form.bench.text().trim().to_owned());
     let are_ready = matches!((&model.plan, &model.bench), (Loaded::Ready(_), Loaded::Ready(_)));
-    if plan != model.plan_path || bench != model.bench_path || !are_ready {
+    // The operator has seen what the files are now.
+    let are_looked_at = form.look.is_some_and(|look| look.is_at(&plan, &bench));
+    if plan != model.plan_path || bench != model.bench_path || !are_ready || are_looked_at {
         return Some(start::choose(model, plan, bench));
     }
     None
 }
 
-/// Has the plan and the bench of the form read again, while the form stays: its panel shows what was found. A verdict on the screen
-/// does not go for files that are as they were.
+/// Has the plan and the bench of the form looked at: its panel shows what was found. What is held stays, with the verdict on the screen,
+/// until Enter takes the form.
 fn look_again(model: &mut ScreenModel) -> Option<Effect> {
-    let Some(Over::Setup(form)) = model.over.last() else { return None };
+    let is_refused = model.is_refused();
+    let Some(Over::Setup(form)) = model.over.last_mut() else { return None };
     let (plan, bench) = (form.plan.text().trim().to_owned(), form.bench.text().trim().to_owned());
     let is_read = matches!(model.plan, Loaded::Loading) || matches!(model.bench, Loaded::Loading);
+    let is_looked_at = form.look.as_ref().is_some_and(|look| matches!(look.plan, Loaded::Loading));
     let are_others = plan != model.plan_path || bench != model.bench_path;
-    if is_read || !(are_others || model.is_refused() || model.run.is_none()) {
+    if is_read || is_looked_at || !(are_others || is_refused || model.run.is_none()) {
         return None;
     }
-    Some(start::choose(model, plan, bench))
+    let (plan_path, bench_path) = (plan.clone(), bench.clone());
+    form.look = Some(FormLook { plan_path, bench_path, bench: Loaded::Loading, plan: Loaded::Loading });
+    Some(Effect::Look { plan, bench })
+}
+
+/// Shows what a look found, if the form waits for it.
+pub(super) fn looked_at(model: &mut ScreenModel, found: FormLook) {
+    let forms = model.over.iter_mut().filter_map(|over| if let Over::Setup(form) = over { Some(form) } else { None });
+    for form in forms {
+        if let Some(look) = form.look.as_mut().filter(|look| look.is_at(&found.plan_path, &found.bench_path)) {
+            *look = found.clone();
+        }
+    }
 }
 
 fn back(model: &mut ScreenModel, place: KeyContext) {
@@ -419,7 +422,7 @@ fn back(model: &mut ScreenModel, place: KeyContext) {
     }
 }
 
-fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
+pub(super) fn answer(model: &mut ScreenModel, yes: bool) -> Option<Effect> {
     if model.over.pop_if(|over| matches!(over, Over::Stop { .. } | Over::GiveUp { .. })).is_some() {
         return None;
     }

@@ -9,7 +9,7 @@ use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 
-use super::{Effect, numbers, words};
+use super::{Effect, interrupt, numbers, words};
 use crate::phrases::in_language;
 use crate::tui::field::InputField;
 use crate::tui::model::{Loaded, MessageWeight, Over, Pause, PowerSeen, Prompt, ScreenModel};
@@ -143,6 +143,7 @@ pub(super) fn over(
     refusal: Option<&str>,
 ) -> Option<Effect> {
     let (leaving, texts, lang) = (model.leaving, model.texts, model.lang);
+    interrupt::ended(model);
     let run = model.run.as_mut()?;
     run.over = true;
     // The service has seen all rounds, also one that was not begun and one whose events did not come.

@@ -4,7 +4,7 @@ use gnc_executive::numbers::NumberField;
 use gnc_executive::part::PartName;
 use gnc_executive::serial_number::SerialNumberPattern;
 
-use super::{Effect, numbers, words};
+use super::{Effect, interrupt, numbers, words};
 use crate::serial_number::{self, SerialNumberError};
 use crate::tui::field::InputField;
 use crate::tui::fields;
@@ -16,6 +16,7 @@ use crate::tui::model::{MessageWeight, Over, ScreenModel, ScreenPage};
 
 /// Takes a scan, wherever the operator is. It is never a key and never falls into another field.
 pub(super) fn scan(model: &mut ScreenModel, scanned: &Scanned) -> Option<Effect> {
+    interrupt::came(model);
     if model.takes_words() {
         super::question::scan(model, scanned);
         return None;

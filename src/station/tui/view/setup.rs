@@ -9,7 +9,7 @@ use ratatui::text::{Line, Span};
 use super::panels::{block, mistakes};
 use super::{style, text};
 use crate::tui::lang::fill;
-use crate::tui::model::{AfterFailure, Loaded, MessageWeight, ScreenModel};
+use crate::tui::model::{AfterFailure, BenchView, Loaded, MessageWeight, ScreenModel};
 use crate::tui::setup_form::{Form, FormLine, MAX_ROUNDS, RoundsKind};
 
 pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area: Rect) {
@@ -52,15 +52,17 @@ pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area
     lines.push(Line::raw(""));
     lines.extend(text::wrap(texts.setup_hint, cells).into_iter().map(|line| Line::styled(line, style::faint())));
     text::lines(frame, lines, inner);
-    match (&model.bench, &model.plan) {
+    let held = (&model.bench, &model.plan);
+    let found = form.look.as_ref().map_or(held, |look| (&look.bench, &look.plan));
+    match found {
         (Loaded::Refused(why), _) | (_, Loaded::Refused(why)) => mistakes(model, frame, below, why),
-        (_, Loaded::Ready(plan)) => {
+        (bench, Loaded::Ready(plan)) => {
             let good = fill(texts.plan_good, &[&plan.items.len().to_string()]);
             let line = format!(" {} {}: {good}", text::shown(&plan.name), text::shown(&plan.version));
             let pinned = if plan.is_pinned { texts.plan_pinned } else { texts.plan_not_pinned };
             let pinned = format!(" SHA-256 {}: {pinned}", ShortDigest::of(&plan.sha256));
             let mut lines = vec![Line::raw(line), Line::styled(pinned, style::faint())];
-            lines.extend(unproven(model, usize::from(below.width)));
+            lines.extend(unproven(model, bench, usize::from(below.width)));
             text::lines(frame, lines, below);
         }
         _ => text::lines(frame, [Line::raw(format!(" {}", texts.loading))], below),
@@ -68,8 +70,8 @@ pub(super) fn draw(model: &ScreenModel, form: &Form, frame: &mut Frame<'_>, area
 }
 
 /// Why no run on this bench will count for a module, before one is begun.
-fn unproven(model: &ScreenModel, cells: usize) -> Vec<Line<'static>> {
-    let Loaded::Ready(bench) = &model.bench else { return Vec::new() };
+fn unproven(model: &ScreenModel, bench: &Loaded<BenchView>, cells: usize) -> Vec<Line<'static>> {
+    let Loaded::Ready(bench) = bench else { return Vec::new() };
     let Some(why) = &bench.unproven else { return Vec::new() };
     let why = fill(model.texts.unproven_long, &[&text::shown(&model.said(why))]);
     let lines = text::wrap(&why, cells.saturating_sub(1)).into_iter();
