@@ -153,10 +153,17 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     }
     // The next start seals an interrupted run.
     if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted() && !path.exists()) {
-        return incomplete(
-            "interrupted: its station ended, or could not write, in the run; the next start seals it".into(),
-            newer,
+        let station =
+            state.as_ref().and_then(|state| state.header()).map(|header| gnc_text::printable(&header.station));
+        let what = station.map_or_else(
+            || "interrupted: its station ended, or could not write, in the run; the next start seals it".to_owned(),
+            |station| {
+                format!(
+                    "interrupted: its station ended, or could not write, in the run; the next start of the station {station} seals it, with a key if it had one"
+                )
+            },
         );
+        return incomplete(what, newer);
     }
     if !path.exists() {
         let problem = format!(
