@@ -279,7 +279,8 @@ fn a_run_that_ended_before_it_was_closed_is_closed_late() {
         verified.stdout
     );
     let shown = place.run(["records".as_ref(), "show".as_ref(), run.as_os_str()]).stdout;
-    assert!(shown.contains("CLOSED LATE: closed late at "), "{shown}");
+    assert!(shown.starts_with("CLOSED LATE: closed late at "), "{shown}");
+    assert!(shown.contains("until then its journal could be edited; it never counts as a pass"), "{shown}");
     let name = run.strip_prefix(&records).expect("below").to_str().expect("UTF-8");
     let list = place.run(["records", "list"]).stdout;
     assert_eq!(list.lines().filter(|line| line.contains("closed late")).count(), 1, "{list}");

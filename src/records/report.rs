@@ -47,10 +47,11 @@ pub fn html(
 ) -> io::Result<()> {
     let title = format!("{} {} {}", record.serial_number, record.plan.name, record.started.format("%F %T"));
     let mut page = SvgPage::new(out, &title);
-    verdict(&mut page, record);
+    // Above the verdict, so that no one reads that without it.
     if let Some(late) = late {
         page.element("p", "banner", &format!("CLOSED LATE: {late}"));
     }
+    verdict(&mut page, record);
     identity(&mut page, record, late);
     what_decided(&mut page, record);
     table_of_items(&mut page, record);

@@ -84,6 +84,9 @@ fn show(folder: &Path) -> ExitCode {
             let lacks = || LateCloses::default().lacks(folder).is_ok_and(|lacks| lacks);
             let is_closed = run.interrupted || goes_on(folder) || reader::is_sealed(folder) && !lacks();
             let run = if late.is_some() || !is_closed { run.not_closed() } else { run };
+            if let Some(late) = &late {
+                out.say(format_args!("CLOSED LATE: {}\n", printable(&late.in_words())));
+            }
             out.say(text::log_txt(&run).trim_end_matches('\n'));
             if let Some(late) = &late {
                 out.say(format_args!("\nCLOSED LATE: {}", printable(&late.in_words())));

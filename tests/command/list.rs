@@ -174,7 +174,8 @@ fn a_run_that_goes_on_is_called_running() {
     let left = place.run(["records", "verify"]);
     assert_eq!(left.code, Some(3), "{}{}", left.stdout, left.stderr);
     assert!(
-        left.stdout.contains("interrupted: its station ended, or could not write, in the run; the next start seals it"),
+        left.stdout
+            .contains("interrupted: its station ended, or could not write, in the run; the next start of the station "),
         "{}",
         left.stdout
     );

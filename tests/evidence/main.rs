@@ -18,7 +18,7 @@ use attack::{attack, plant, tree};
 use gnc_records::store::StationKey;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use rows::{KILLED_ROWS, ROWS};
+use rows::{KILLED_ROWS, REOPENED_ROWS, ROWS};
 
 const STATION: &str = env!("CARGO_BIN_EXE_station-under-test");
 /// Another seed makes other attacks.
@@ -150,7 +150,8 @@ fn the_page_says_what_is_found() {
     }
     let closed = ROWS.iter().map(|row| (row, &kept, &witnesses, false));
     let killed = KILLED_ROWS.iter().map(|row| (row, &open, &open_witnesses, true));
-    for (row, kept, witnesses, is_open) in closed.chain(killed) {
+    let reopened = REOPENED_ROWS.iter().map(|row| (row, &kept, &witnesses, true));
+    for (row, kept, witnesses, is_open) in closed.chain(killed).chain(reopened) {
         let (place, records) = copied(kept);
         (row.attack)(&records);
         if is_open {

@@ -134,6 +134,13 @@ pub(crate) const KILLED_ROWS: [Row; 4] = [
     },
 ];
 
+/// What is done to closed runs before the next start, which has the key.
+pub(crate) const REOPENED_ROWS: [Row; 1] = [Row {
+    what: "The newest closed run is opened again: its last line is removed, `COUNTER` is set back, its journal is edited, and the next start closes it late, with its key",
+    attack: reopened,
+    found: [false, true, false, false],
+}];
+
 /// The run that was killed.
 const KILLED: &str = "2026-11-29/T-4/090000-small";
 const RAW: &str = "01-cpu/attempt-1.mcap";
@@ -175,6 +182,7 @@ fn fits(records: &Path) {
 
 const FAILED: &str = "2026-11-28/T-2/091000-small";
 const PASSED: &str = "2026-11-28/T-1/090000-small";
+const NEWEST: &str = "2026-11-29/T-3/080000-small";
 
 fn byte(records: &Path) {
     let path = records.join(PASSED).join("log.txt");
@@ -237,6 +245,25 @@ fn newest_away(records: &Path) {
     let chain = fs::read_to_string(records.join("2026-11-28/CHAIN")).expect("a chain");
     let last: Vec<&str> = chain.lines().last().expect("a line").split(' ').collect();
     fs::write(records.join("COUNTER"), format!("{} {}\n", last[0], last[3])).expect("a counter");
+}
+
+/// As a power cut before the last line would have left the newest run, with another journal. Only a later start can sign it.
+fn reopened(records: &Path) {
+    let path = records.join("2026-11-29/CHAIN");
+    let chain = fs::read_to_string(&path).expect("a chain");
+    let began = chain.lines().next().expect("a line");
+    fs::write(&path, format!("{began}\n")).expect("a chain");
+    let words: Vec<&str> = began.split(' ').collect();
+    fs::write(records.join("COUNTER"), format!("{} {}\n", words[0], words[3])).expect("a counter");
+    let run = records.join(NEWEST);
+    for file in ["SHA256SUMS", "SHA256SUMS.sig", "run.json", "report.html", "log.txt", "01-cpu/item.json"] {
+        fs::remove_file(run.join(file)).expect("a file of the end");
+    }
+    for passport in ["passport.json", "passport.xml"] {
+        let _ = fs::remove_file(run.join(passport));
+    }
+    // A verdict in the other direction is edited in the same way.
+    replace(&run, &[("passed", "failed"), ("\"value\":0.0", "\"value\":1.0")]);
 }
 
 /// All lines that stay are as they were.

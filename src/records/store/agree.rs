@@ -5,6 +5,8 @@ use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gnc_executive::measurement::{Measurement, Reading};
+use gnc_executive::outcome::Outcome;
 use gnc_executive::record::{ItemFile, RunRecord};
 use gnc_executive::state::{Row, RunState};
 use serde_json::Value;
@@ -25,6 +27,7 @@ pub(super) fn unlike(run: &Path, state: RunState, record_sha256: &str, known: &K
     problems.extend(plan(run, &state, known));
     problems.extend(items(run, &state, known));
     problems.extend(raw(&state, known));
+    problems.extend(judged_otherwise(&state));
     let bytes = bytes(run, RECORD);
     // That it cannot be read was said with its digest.
     let is_unread = bytes.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::PermissionDenied);
@@ -72,6 +75,50 @@ fn items(run: &Path, state: &RunState, known: &Known) -> Vec<String> {
         }
     }
     problems
+}
+
+/// What the journal calls good against its own figures: a value beyond the limits that stand beside it, and an attempt with a
+/// measurement that is not good. Who edits a verdict alone is found so. A verdict that is worse than the figures is none of these:
+/// a coverage interval, or the procedure, may have decided it.
+fn judged_otherwise(state: &RunState) -> Vec<String> {
+    let mut problems = Vec::new();
+    for row in state.rows() {
+        let item = gnc_text::printable(&row.planned.name);
+        for (number, attempt) in (1..).zip(&row.attempts) {
+            for measurement in &attempt.measurements {
+                if measurement.outcome.is_some_and(Outcome::is_good) && is_beyond(measurement) {
+                    let name = gnc_text::printable(&measurement.name);
+                    problems.push(format!(
+                        "{JOURNAL} calls {name} of {item}, attempt {number}, good, and its value is not within the limit beside it"
+                    ));
+                }
+            }
+            let bad = attempt.measurements.iter().find(|one| one.outcome.is_some_and(|outcome| !outcome.is_good()));
+            if let Some(bad) = bad.filter(|_| attempt.outcome.is_some_and(Outcome::is_good)) {
+                let name = gnc_text::printable(&bad.name);
+                problems.push(format!("{JOURNAL} calls {item}, attempt {number}, good, and {name} in it is not"));
+            }
+        }
+        let last = row.attempts.last().and_then(|attempt| attempt.outcome);
+        if row.outcome.is_good() && last.is_some_and(|last| !last.is_good()) {
+            problems.push(format!("{JOURNAL} calls {item} good, and its last attempt is not"));
+        }
+    }
+    problems
+}
+
+/// Whether a value is not within its own limit. A pattern is of the plan's language, and is not compared.
+fn is_beyond(measurement: &Measurement) -> bool {
+    match &measurement.value {
+        Reading::Number(number) => {
+            measurement.low.is_some_and(|low| *number < low) || measurement.high.is_some_and(|high| *number > high)
+        }
+        Reading::Text(text) => {
+            measurement.expected.as_ref().is_some_and(|expected| expected != text)
+                || !measurement.one_of.is_empty() && !measurement.one_of.contains(text)
+        }
+        Reading::Null => true,
+    }
 }
 
 /// Each raw file is of an attempt that the journal has.

@@ -175,9 +175,18 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     let state = state.filter(|state| state.header().is_some() || !path.exists());
     // The next start seals an interrupted run. What its journal says of captures holds already.
     if state.as_ref().is_some_and(|state| state.header().is_none() || state.is_interrupted()) && !path.exists() {
-        let what = "interrupted: its station ended, or could not write, in the run; the next start seals it";
+        let station =
+            state.as_ref().and_then(|state| state.header()).map(|header| gnc_text::printable(&header.station));
+        let what = station.map_or_else(
+            || "interrupted: its station ended, or could not write, in the run; the next start seals it".to_owned(),
+            |station| {
+                format!(
+                    "interrupted: its station ended, or could not write, in the run; the next start of the station {station} seals it, with a key if it had one"
+                )
+            },
+        );
         let problems = captured::unlike(folder);
-        return Ok(Verified { problems, incomplete: Some(what.into()), newer, ..Verified::default() });
+        return Ok(Verified { problems, incomplete: Some(what), newer, ..Verified::default() });
     }
     if !path.exists() {
         let problem = format!(

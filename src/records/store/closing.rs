@@ -118,9 +118,12 @@ fn seal_files(
 /// The run as lines for people. It also lists what the journal cannot tell: that the run is closed late, raw files that
 /// got their end later, and those that are not the ones that were captured.
 fn log(record: &RunRecord, cut_off: &[CutOffFile], unlike: &[String], late: Option<&LateClose>) -> String {
-    let mut log = text::log_txt(record);
+    // Who reads the items below must know it, and who reads only the end too.
+    let late = late.map(|late| format!("CLOSED LATE: {}\n", late.in_words()));
+    let mut log = late.as_ref().map_or_else(String::new, |late| format!("{late}\n"));
+    log.push_str(&text::log_txt(record));
     if let Some(late) = late {
-        log.push_str(&format!("\nCLOSED LATE: {}\n", late.in_words()));
+        log.push_str(&format!("\n{late}"));
     }
     if !cut_off.is_empty() {
         log.push_str("\nFiles of raw samples without an end\n");

@@ -294,14 +294,17 @@ fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<
     if !record.interrupted {
         return Ok(Left::Ended);
     }
-    if let Err(why) = may_close(records, run, &state, before, by)? {
-        return Ok(Left::Open(why));
-    }
+    let is_by_other = match may_close(records, run, &state, before, by)? {
+        Ok(began) => began.is_some_and(|began| began.signed_by(by.key) == SignedBy::Other),
+        Err(why) => return Ok(Left::Open(why)),
+    };
     clear_away(run)?;
     let folder = RunFolder::existing(run).signed_with(by.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
     let began = chain::begin(run, &by.scribe())?;
-    let said = in_words(&state, &record, &cut_off, &captured::unlike(run));
+    let mut what = captured::unlike(run);
+    what.extend(is_by_other.then(|| "another key signed the line of its beginning".to_owned()));
+    let said = in_words(&state, &record, &cut_off, &what);
     let plan = PlanFiles::found(run, &state);
     let contents = Contents { state: &Mutex::new(state), plan: &plan, cut_off: &cut_off, made: &[] };
     close(&folder, &contents, &by.scribe(), Some(&began))?;
@@ -320,7 +323,9 @@ pub(super) fn may_close(
     let Some(header) = state.header() else { return Ok(Ok(None)) };
     let station = gnc_text::printable(&header.station);
     if header.station != by.station {
-        return Ok(Err(format!("is left to the station {station}: its next start goes on")));
+        return Ok(Err(format!(
+            "is left to the station {station}: its next start goes on; if this bench had that id, start it once with it"
+        )));
     }
     match (header.bench.kind == BenchKind::Simulated, by.kind == BenchKind::Simulated) {
         (true, false) => return Ok(Err("is left to the next start of its station with a simulated bench".to_owned())),
@@ -338,12 +343,15 @@ pub(super) fn may_close(
         }
         Beginning::Written(begun) => match begun.signed_by(by.key) {
             SignedBy::This => Ok(Some(*begun)),
-            SignedBy::Other => {
-                Err(format!("is left to the station {station} with the key that signed the line of its beginning"))
-            }
-            SignedBy::None => {
-                Err("is left as it is: the line of its beginning is not signed, and earlier ones are".to_owned())
-            }
+            // The key was exchanged. Nothing of an interrupted run counts, and `--resume` asks for the key of its beginning.
+            SignedBy::Other if by.key.is_some() && state.is_interrupted() => Ok(Some(*begun)),
+            SignedBy::Other => Err(format!(
+                "is left to the station {station} with the key that signed the line of its beginning: start it once with that key"
+            )),
+            SignedBy::None => Err(
+                "is left as it is: the line of its beginning is not signed, and earlier ones of its station are; a start without a key closes it"
+                    .to_owned(),
+            ),
         },
     })
 }

@@ -28,11 +28,16 @@ fn run() -> (tempfile::TempDir, PathBuf) {
 }
 
 fn state() -> RunState {
-    state_of(usize::MAX)
+    state_with(None, ["failed", "passed", "passed"])
+}
+
+/// With a measurement in the second attempt, and the outcomes of both attempts and the item.
+fn state_with(measurement: Option<Value>, outcomes: [&str; 3]) -> RunState {
+    state_of(usize::MAX, measurement, outcomes)
 }
 
 /// The state behind so many events.
-fn state_of(count: usize) -> RunState {
+fn state_of(count: usize, measurement: Option<Value>, [first, second, whole]: [&str; 3]) -> RunState {
     let sha256 = digest::of_plan([("my p.toml", PLAN_TEXT.as_bytes())].into_iter());
     let header = json!({
         "schema": "gnc-events/1", "serial_number": "SN-1", "operator": null, "station": "bench 1",
@@ -43,17 +48,21 @@ fn state_of(count: usize) -> RunState {
         "name": "cpu", "id": "cpu", "title": "CPU", "phase": "test", "optional": false, "selected": true,
     });
     let ended = |attempt: u32, outcome: &str| json!({ "kind": "attempt_ended", "item": "cpu", "attempt": attempt, "outcome": outcome, "error": null });
-    let events = [
+    let measured = measurement
+        .map(|measurement| json!({ "kind": "measured", "item": "cpu", "attempt": 2, "measurement": measurement }));
+    let before = [
         json!({ "kind": "run_started", "header": header, "items": [item] }),
         json!({ "kind": "item_started", "item": "cpu", "attempt": 1 }),
-        ended(1, "failed"),
+        ended(1, first),
         json!({ "kind": "item_started", "item": "cpu", "attempt": 2 }),
-        ended(2, "passed"),
-        json!({ "kind": "item_ended", "item": "cpu", "outcome": "passed", "cause": null }),
-        json!({ "kind": "run_ended", "outcome": "passed" }),
+    ];
+    let after = [
+        ended(2, second),
+        json!({ "kind": "item_ended", "item": "cpu", "outcome": whole, "cause": null }),
+        json!({ "kind": "run_ended", "outcome": whole }),
     ];
     let mut state = RunState::new();
-    for (seq, mut body) in events.into_iter().enumerate().take(count) {
+    for (seq, mut body) in before.into_iter().chain(measured).chain(after).enumerate().take(count) {
         body["seq"] = seq.into();
         body["at"] = "2026-11-28T14:30:00+08:00".into();
         body["elapsed_us"] = seq.into();
@@ -133,9 +142,36 @@ fn values_agree_in_what_both_have() {
 /// A power cut may take the line that begins an attempt, and leave its raw file: the station closes the run with it.
 #[test]
 fn the_file_of_an_attempt_whose_line_was_lost_is_one_of_the_run() {
-    let (cut, whole) = (state_of(5), state());
+    let (cut, whole) = (state_of(5, None, ["failed", "passed", "passed"]), state());
     let file = |name: &str| Known::from([(PathBuf::from(name), String::new())]);
     assert_eq!(raw(&cut, &file("01-cpu/attempt-3.mcap")), Vec::<String>::new());
     assert_eq!(raw(&cut, &file("01-cpu/attempt-4.mcap")).len(), 1);
     assert_eq!(raw(&whole, &file("01-cpu/attempt-3.mcap")).len(), 1);
+}
+
+/// A verdict that was edited without its figures, and an outcome that was edited without its verdicts.
+#[test]
+fn a_journal_that_judges_against_its_own_figures_is_named() {
+    let figure = |value: f64, outcome: &str| json!({ "name": "gyro", "value": value, "unit": null, "low": -1.0, "high": 2.0, "expected": null, "outcome": outcome });
+    let text = |value: &str, outcome: &str| json!({ "name": "gyro", "value": value, "unit": null, "low": null, "high": null, "expected": "1.2", "outcome": outcome });
+    let none = || {
+        let mut none = figure(0.0, "passed");
+        none["value"] = Value::Null;
+        none
+    };
+    let said = |measurement: Value, outcomes| judged_otherwise(&state_with(Some(measurement), outcomes));
+    let passed = ["failed", "passed", "passed"];
+    let beyond = "events.jsonl calls gyro of cpu, attempt 2, good, and its value is not within the limit beside it";
+    for good in [figure(-1.0, "passed"), figure(2.0, "marginal"), text("1.2", "passed")] {
+        assert_eq!(said(good, passed), Vec::<String>::new());
+    }
+    for bad in [figure(-1.1, "passed"), figure(2.1, "marginal"), text("1.3", "passed"), none()] {
+        assert_eq!(said(bad, passed), [beyond]);
+    }
+    // What fails within its limits may have failed by its coverage interval.
+    assert_eq!(said(figure(1.9, "failed"), ["failed", "failed", "failed"]), Vec::<String>::new());
+    let in_attempt = "events.jsonl calls cpu, attempt 2, good, and gyro in it is not";
+    assert_eq!(said(figure(3.0, "failed"), passed), [in_attempt]);
+    let last = "events.jsonl calls cpu good, and its last attempt is not";
+    assert_eq!(said(figure(3.0, "failed"), ["passed", "failed", "passed"]), [last]);
 }

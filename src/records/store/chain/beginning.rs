@@ -26,7 +26,7 @@ pub(crate) enum Beginning {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Begun {
     line: ChainEntry,
-    /// Whether an earlier line is signed.
+    /// Whether its station signed an earlier line.
     is_behind_signed: bool,
 }
 
@@ -37,7 +37,7 @@ pub(crate) enum SignedBy {
     This,
     /// Another one, or one where there is no key now.
     Other,
-    /// None, and earlier lines are signed.
+    /// None, and earlier lines of its station are signed.
     None,
 }
 
@@ -63,8 +63,10 @@ pub(crate) struct Beginnings {
     begins: HashMap<String, Vec<ChainEntry>>,
     /// The names under which closed runs began.
     closed: HashSet<String>,
-    /// Number of the first line with a signature.
-    signed_since: Option<u64>,
+    /// Number of the first line with a signature of each station. Others beside it may have had a key before it.
+    signed_since: HashMap<String, u64>,
+    /// Number of the first one of all.
+    first_signed: Option<u64>,
 }
 
 impl Beginnings {
@@ -83,7 +85,12 @@ impl Beginnings {
                 Kind::Close => drop(all.closed.insert(line.began_as().to_owned())),
             }
         }
-        all.signed_since = lines.iter().filter(|line| line.signature.is_some()).map(|line| line.number).min();
+        for line in lines.iter().filter(|line| line.signature.is_some()) {
+            all.first_signed = Some(all.first_signed.map_or(line.number, |first| first.min(line.number)));
+            let Some(station) = line.station() else { continue };
+            let since = all.signed_since.entry(station.to_owned()).or_insert(line.number);
+            *since = (*since).min(line.number);
+        }
         all
     }
 
@@ -107,7 +114,8 @@ impl Beginnings {
             of_day.filter(|_| reader::is_unassigned(run)).find(is_its_own)
         };
         let Some(line) = own.or_else(moved) else { return Ok(Beginning::Missing) };
-        let is_behind_signed = self.signed_since.is_some_and(|since| since < line.number);
+        let since = line.station().map_or(self.first_signed, |station| self.signed_since.get(station).copied());
+        let is_behind_signed = since.is_some_and(|since| since < line.number);
         Ok(Beginning::Written(Box::new(Begun { line: line.clone(), is_behind_signed })))
     }
 }

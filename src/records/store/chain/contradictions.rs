@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use super::check::ChainBook;
 use super::entry::ChainEntry;
-use super::signed::is_simulated;
+use super::signed::{is_simulated, since_of_stations};
 use crate::store::{DIGESTS, SIGNATURE};
 
 /// Length of an Ed25519 signature.
@@ -14,6 +14,7 @@ const SIGNATURE_BYTES: u64 = 64;
 /// Compares the lines of each closed run with one another, and with its folder. All lines of a run must be among them.
 pub(super) fn check(book: &ChainBook, lines: &[&ChainEntry], problems: &mut Vec<String>) {
     let first_signed = book.lines.iter().find(|line| line.signature.is_some()).map(|line| line.number);
+    let of_stations = since_of_stations(book);
     let begins: HashMap<&str, &ChainEntry> =
         lines.iter().filter(|line| !line.is_close()).map(|line| (line.run.as_str(), *line)).collect();
     // Earlier versions signed the digests alone.
@@ -39,8 +40,9 @@ pub(super) fn check(book: &ChainBook, lines: &[&ChainEntry], problems: &mut Vec<
             _ => {}
         }
         let Some(begin) = begins.get(line.began_as()) else { continue };
-        // A start with the key closes no run that began without it, unless nothing was signed before.
-        let is_behind_signed = first_signed.is_some_and(|first| first < begin.number);
+        // A start with the key closes no run that began without it, unless its station had signed nothing before.
+        let first = begin.station().map_or(first_signed, |station| of_stations.get(station).copied());
+        let is_behind_signed = first.is_some_and(|first| first < begin.number);
         if begin.signature.is_some() != is_line_signed && (is_behind_signed || !is_line_signed) {
             problems.push(format!(
                 "run {number} ({run}): of its lines {} and {number} in the chain one is signed and one is not",

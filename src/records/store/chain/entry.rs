@@ -41,7 +41,7 @@ impl LateClose {
     #[must_use]
     pub fn in_words(&self) -> String {
         format!(
-            "{self}, after its station had ended, or could not write, before the run was in the chain; it never counts as a pass"
+            "{self}, after its station had ended, or could not write, before the run was in the chain; until then its journal could be edited; it never counts as a pass"
         )
     }
 }

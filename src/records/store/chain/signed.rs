@@ -15,7 +15,7 @@ fn since(book: &ChainBook) -> Option<u64> {
 }
 
 /// The first line with a signature of each station. What a station wrote before it got its key has none.
-fn since_of_stations(book: &ChainBook) -> HashMap<&str, u64> {
+pub(super) fn since_of_stations(book: &ChainBook) -> HashMap<&str, u64> {
     let mut since = HashMap::new();
     for line in book.lines.iter().filter(|line| line.signature.is_some()) {
         if let Some(station) = line.station() {

@@ -338,9 +338,11 @@ fn the_mark_stays() {
     assert!(
         fs::read_to_string(run.join(LOG))
             .unwrap()
-            .contains("CLOSED LATE: closed late at 2026-11-28 16:00:00 by gnc_station-1.3")
+            .starts_with("CLOSED LATE: closed late at 2026-11-28 16:00:00 by gnc_station-1.3")
     );
     let report = fs::read_to_string(run.join(crate::report::REPORT)).unwrap();
+    let (late, verdict) = (report.find("CLOSED LATE"), report.find("<h1>"));
+    assert!(late < verdict && late.is_some() && report.contains("until then its journal could be edited"), "{report}");
     assert!(report.contains("CLOSED LATE") && report.contains("no: closed late"));
     // No file calls it a pass.
     let record: serde_json::Value = serde_json::from_slice(&fs::read(run.join(crate::store::RECORD)).unwrap()).unwrap();

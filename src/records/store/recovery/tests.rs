@@ -247,7 +247,9 @@ fn parts_and_a_signature_without_digests_go() {
     let left = as_written::check(&run);
     assert_eq!(
         left.incomplete.as_deref(),
-        Some("interrupted: its station ended, or could not write, in the run; the next start seals it")
+        Some(
+            "interrupted: its station ended, or could not write, in the run; the next start of the station bench 1 seals it, with a key if it had one"
+        )
     );
     assert!(left.problems.is_empty());
     let said = shelf.start();
@@ -360,13 +362,18 @@ fn a_run_that_no_line_began_is_left_as_it_is() {
 /// Only the station that carried a run out closes it, on its kind of bench, and with its key.
 #[test]
 fn a_run_is_left_to_its_station_its_bench_and_its_key() {
-    let ((_own, own), (_other, other)) = (key("own"), key("other"));
+    let (_own, own) = key("own");
     let shelf = Shelf::new();
     let run = shelf.begun("SN-1", 1, Some(&own));
     shelf.cut(&run);
     let files = names(&run);
     for (station, kind, key, why) in [
-        ("bench 2", BenchKind::Real, Some(&own), "is left to the station bench 1: its next start goes on"),
+        (
+            "bench 2",
+            BenchKind::Real,
+            Some(&own),
+            "is left to the station bench 1: its next start goes on; if this bench had that id, start it once with it",
+        ),
         (
             STATION,
             BenchKind::Simulated,
@@ -377,13 +384,7 @@ fn a_run_is_left_to_its_station_its_bench_and_its_key() {
             STATION,
             BenchKind::Real,
             None,
-            "is left to the station bench 1 with the key that signed the line of its beginning",
-        ),
-        (
-            STATION,
-            BenchKind::Unproven,
-            Some(&other),
-            "is left to the station bench 1 with the key that signed the line of its beginning",
+            "is left to the station bench 1 with the key that signed the line of its beginning: start it once with that key",
         ),
     ] {
         let said = shelf.start_by(station, kind, key);
@@ -395,10 +396,42 @@ fn a_run_is_left_to_its_station_its_bench_and_its_key() {
     shelf.cut(&forged);
     let said = shelf.start_by(STATION, BenchKind::Real, Some(&own));
     assert!(said.iter().any(|line| line.contains("SN-1") && line.contains("it is sealed as interrupted")), "{said:?}");
-    let why = "is left as it is: the line of its beginning is not signed, and earlier ones are";
+    let why = "is left as it is: the line of its beginning is not signed, and earlier ones of its station are; a start without a key closes it";
     assert!(said.contains(&format!("{DAY}/SN-2/143000-functional was interrupted and {why}")), "{said:?}");
     let is_signed = as_written::verify_signature(&run, &[own.public()]).is_none();
     assert!(is_signed && standing(&run).unwrap() == ChainStanding::Held);
+}
+
+/// The key was exchanged, or came later than that of a station beside this one: what was interrupted is closed all the same, as no
+/// pass, the chain is whole by the keys of both, and a run that another key began is not resumed.
+#[test]
+fn an_interrupted_run_is_closed_behind_an_exchanged_or_a_later_key() {
+    let ((_old, old), (_new, new)) = (key("old"), key("new"));
+    let keys = [old.public(), new.public()];
+    for of_old in [Some(&old), None] {
+        let shelf = Shelf::new();
+        let beside = shelf.run("SN-0", 1);
+        shelf.cut(&beside);
+        chain::begin(&beside, &Scribe { station: "bench 2", at: at(), key: Some(&old), late: None }).unwrap();
+        let run = shelf.begun("SN-1", 1, of_old);
+        shelf.cut(&run);
+        let said = shelf.start_by(STATION, BenchKind::Real, Some(&new));
+        let said: Vec<_> = said.iter().filter(|line| line.contains("SN-1")).collect();
+        assert!(said.len() == 1 && said[0].contains("it is sealed as interrupted; test SN-1 again"), "{said:?}");
+        assert_eq!(said[0].contains("another key signed the line of its beginning; "), of_old.is_some(), "{said:?}");
+        assert_eq!((as_written::verify(&run), as_written::verify_signature(&run, &keys)), (Vec::new(), None));
+        assert_eq!(standing(&run).unwrap(), ChainStanding::Held);
+        let (checked, _) = chain::verify_against(shelf.path(), &chain::Against { keys: &keys, heads: &[] }).unwrap();
+        assert_eq!(checked.problems, Vec::<String>::new());
+        let (checked, _) = chain::verify_against(shelf.path(), &chain::Against::default()).unwrap();
+        assert_eq!(checked.problems, Vec::<String>::new());
+        if of_old.is_some() {
+            let header = reader::fold(&run).unwrap().header().unwrap().clone();
+            let like = Like::header(&header, 7, at()).with_key(Some(&new));
+            let why = Resumed::read(&run, like).err().map(|error| error.to_string()).unwrap_or_default();
+            assert!(why.contains("the line of its beginning is not signed with the key of this station"), "{why}");
+        }
+    }
 }
 
 /// Captures are taken over only from a run that the chain began, and where there is a key, that the station signed.
