@@ -6,7 +6,8 @@ use std::path::Path;
 use gnc_executive::standing::{Flaw, Seal};
 
 use crate::store::chain::{DayLinks, OpenRun, Witnessed};
-use crate::store::digest::{self, FileDigests};
+use crate::store::digest::{self, FileDigests, MAX_DIGESTS_BYTES};
+use crate::store::reader::{MAX_JOURNAL_BYTES, MAX_RECORD_BYTES};
 use crate::store::{self, DIGESTS, JOURNAL, PublicKey, RECORD, StoreError, as_written, chain, pending, reader};
 
 /// How records are kept, by the chains of their days. Each chain is read once.
@@ -51,12 +52,12 @@ impl<'a> Seals<'a> {
             }
         }
         let Some(link) = self.day(&day)?.find(&name) else { return Ok(Seal::Flawed(Flaw::NotInChain)) };
-        let sums = digest::of_file(&run.join(DIGESTS));
+        let sums = digest::of_file_within(&run.join(DIGESTS), MAX_DIGESTS_BYTES);
         let as_closed = link.is_sound && sums.is_ok_and(|sums| sums == link.digest) && {
             let promised = FileDigests::read(run).map(|(sums, _)| sums).unwrap_or_default();
-            let is_as_promised = |file: &str| {
+            let is_as_promised = |(file, limit): (&str, u64)| {
                 // Its station may give it its name between the two steps.
-                let look = || digest::of_file(&pending::path(run, file));
+                let look = || digest::of_file_within(&pending::path(run, file), limit);
                 let found = || look().or_else(|_| look()).ok();
                 match promised.get(file) {
                     Some(promised) => found().as_deref() == Some(promised),
@@ -64,7 +65,7 @@ impl<'a> Seals<'a> {
                 }
             };
             // A list shows what the journal says, and the standing what the record does.
-            [RECORD, JOURNAL].into_iter().all(is_as_promised)
+            [(RECORD, MAX_RECORD_BYTES), (JOURNAL, MAX_JOURNAL_BYTES)].into_iter().all(is_as_promised)
         };
         Ok(match (as_closed, &link.late) {
             (false, _) => Seal::Flawed(Flaw::Changed),
@@ -126,10 +127,10 @@ impl<'a> Seals<'a> {
         let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
         let day = name.split('/').next().unwrap_or_default().to_owned();
         let link = self.day(&day).ok().and_then(|day| day.find(&name)).filter(|link| link.is_sound);
-        let has_sums =
-            link.is_some_and(|link| digest::of_file(&run.join(DIGESTS)).is_ok_and(|sums| sums == link.digest));
+        let sums = || digest::of_file_within(&run.join(DIGESTS), MAX_DIGESTS_BYTES);
+        let has_sums = link.is_some_and(|link| sums().is_ok_and(|sums| sums == link.digest));
         let promised = FileDigests::read(run).ok().and_then(|(sums, _)| sums.get(JOURNAL).map(str::to_owned));
-        has_sums && promised.is_some() && digest::of_file(&run.join(JOURNAL)).ok() == promised
+        has_sums && promised.is_some() && digest::of_file_within(&run.join(JOURNAL), MAX_JOURNAL_BYTES).ok() == promised
     }
 
     /// The place of a run in the order in which runs were closed; `None` if the chain does not name it.

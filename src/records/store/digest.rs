@@ -11,7 +11,7 @@ use sha2::{Digest as _, Sha256};
 use super::{DIGESTS, PAPERS, SIGNATURE, StoreError, on};
 
 /// Longest list of digests: 20,000 items of a plan with some files each, and two hundred bytes for each.
-const MAX_DIGESTS_BYTES: u64 = 64 << 20;
+pub(crate) const MAX_DIGESTS_BYTES: u64 = 64 << 20;
 
 /// A SHA-256 as hexadecimal digits.
 #[must_use]
@@ -57,6 +57,18 @@ pub fn of_bytes(bytes: &[u8]) -> String {
 /// [`StoreError::File`].
 pub fn of_file(path: &Path) -> Result<String, StoreError> {
     of_reader(on(gnc_files::own(path), "read", path)?, path)
+}
+
+/// Digest of a file that holds at most so many bytes. Of a longer one nothing is read.
+///
+/// # Errors
+/// [`StoreError::File`].
+pub(crate) fn of_file_within(path: &Path, limit: u64) -> Result<String, StoreError> {
+    let file = on(gnc_files::own(path), "read", path)?;
+    if on(file.metadata(), "read", path)?.len() > limit {
+        return on(Err(gnc_files::Refused::TooLong { limit }.into()), "read", path);
+    }
+    of_reader(file, path)
 }
 
 /// Digest of an open file, which errors call by its path.
@@ -190,5 +202,26 @@ impl FileDigests {
 
     fn line(file: &Path, digest: &str) -> String {
         format!("{digest}  {}\n", file.display())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A hole of 2 GB in the place of a short file costs nothing, and the bound itself is within it.
+    #[test]
+    fn a_file_beyond_its_bound_is_refused_by_its_size() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.json");
+        fs::write(&path, "abc").unwrap();
+        assert_eq!(of_file_within(&path, 3).unwrap(), of_bytes(b"abc"));
+        let refused = |limit: u64| {
+            let error = of_file_within(&path, limit).unwrap_err();
+            assert!(gnc_text::with_causes(&error).contains(&format!("it has more than {limit} bytes")), "{error}");
+        };
+        refused(2);
+        File::options().write(true).open(&path).unwrap().set_len(2 << 30).unwrap();
+        refused(3);
     }
 }

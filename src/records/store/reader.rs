@@ -17,7 +17,7 @@ use super::{DIGESTS, JOURNAL, PLAN, RECORD, StoreError, UNASSIGNED, chain, goes_
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
 /// station.
-const MAX_JOURNAL_BYTES: u64 = 1 << 30;
+pub(crate) const MAX_JOURNAL_BYTES: u64 = 1 << 30;
 
 /// Longest record for programs. It becomes up to eight times as long in memory, beside what its journal says; that of an acceptance
 /// has 1 MB.
