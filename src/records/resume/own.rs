@@ -24,8 +24,8 @@ fn changed<T>(what: String) -> Result<T, ResumeError> {
     Err(ResumeError::Changed { what })
 }
 
-fn unreadable(error: StoreError) -> ResumeError {
-    ResumeError::Changed { what: gnc_text::with_causes(&error) }
+fn unreadable(error: &StoreError) -> ResumeError {
+    ResumeError::Changed { what: gnc_text::with_causes(error) }
 }
 
 /// Whether the run is a run of these records, by the paths without links and `..`.
@@ -46,10 +46,10 @@ pub(super) fn check(
         return Err(ResumeError::Outside { records: like.records.to_owned() });
     }
     let Some(records) = run.ancestors().nth(UP_TO_RECORDS) else { return Ok(Some(OUTSIDE)) };
-    let all = Beginnings::read(records).map_err(unreadable)?;
+    let all = Beginnings::read(records).map_err(|error| unreadable(&error))?;
     // Versions that sign what they captured write the line of the beginning too. So its chain was taken away.
     let must_be_named = like.key.is_some() && (all.are_signed() || !captured.is_empty());
-    let unproven = match all.of(records, run).map_err(unreadable)? {
+    let unproven = match all.of(records, run).map_err(|error| unreadable(&error))? {
         Beginning::NeverWritten if must_be_named => return changed(NOT_BEGUN.to_owned()),
         Beginning::Missing => return changed(NOT_BEGUN.to_owned()),
         Beginning::Written(begun) if like.key.is_some() && begun.signed_by(like.key) != SignedBy::This => {
@@ -75,8 +75,12 @@ fn unchanged(run: &Path, state: &RunState, key: Option<&StationKey>, must_be_nam
     if let Some(what) = changes.chain(as_written::verify_signature(run, &keys)).next() {
         return changed(what);
     }
-    match chain::standing(run).map_err(unreadable)? {
-        ChainStanding::Held if keys.is_empty() || chain::is_close_signed_by(run, &keys).map_err(unreadable)? => Ok(()),
+    match chain::standing(run).map_err(|error| unreadable(&error))? {
+        ChainStanding::Held
+            if keys.is_empty() || chain::is_close_signed_by(run, &keys).map_err(|error| unreadable(&error))? =>
+        {
+            Ok(())
+        }
         ChainStanding::Held => changed("the line of its end is not signed with the key of this station".to_owned()),
         ChainStanding::NoChain if !must_be_named => Ok(()),
         ChainStanding::Late => Err(ResumeError::ClosedLate),
