@@ -395,8 +395,8 @@ impl Ready {
             clock::check(at, header.program.build.as_ref(), reader::newest_day(&records))?;
         }
         Self::check_required(request, &records, &plans, header.bench.kind, &trusted_keys)?;
-        let like = Like::header(&header, request.plan.plan().valid_days, request.began.unwrap_or_else(clock::now));
-        let like = like.with_key(key.as_ref());
+        let now = request.began.unwrap_or_else(clock::now);
+        let like = Like::header(&header, request.plan.plan().valid_days, now, &records).with_key(key.as_ref());
         let resumed = request.resume.as_deref().map(|run| Resumed::read(run, like)).transpose()?;
         header.resumed = resumed.as_ref().map(Resumed::earlier);
         let (one_by_one, nonce) = (request.one_by_one, request.nonce);

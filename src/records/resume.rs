@@ -16,17 +16,16 @@ use gnc_executive::event::{BenchInfo, EarlierRun, Event, EventKind, OtherModule,
 use gnc_executive::outcome::Outcome;
 use gnc_executive::part::LimitsChosen;
 use gnc_executive::standing::CLOCK_SLACK;
-use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use sha2::{Digest as _, Sha256};
 
 use crate::raw::RawRecord;
-use crate::store::as_written;
 use crate::store::captured::CapturedFiles;
 use crate::store::captures::{self, CapturesError};
-use crate::store::chain::{self, Beginning, Beginnings, ChainStanding, SignedBy};
 use crate::store::reader::{self, ReadError};
-use crate::store::{self, DIGESTS, JOURNAL, PublicKey, StationKey, StoreError, digest};
+use crate::store::{self, DIGESTS, JOURNAL, PublicKey, StationKey, digest};
+
+mod own;
 
 /// Longest journal of a run that is taken up again: it is in memory as a whole, beside what it says.
 const MAX_JOURNAL_BYTES: u64 = 256 << 20;
@@ -98,7 +97,13 @@ pub enum ResumeError {
     /// Another station is carrying out the run now.
     #[error("the run to resume is still running")]
     GoesOn,
-    /// A file of a closed run was changed.
+    /// The station has a key, and the run lies elsewhere.
+    #[error("the run to resume is not in the records folder of this station, {}", gnc_text::shown_path(records))]
+    Outside {
+        /// The records folder of the station.
+        records: PathBuf,
+    },
+    /// A file of a closed run was changed, or what the chain or the key says speaks against the run.
     #[error("the run to resume fails its verification: {what}")]
     Changed {
         /// The change.
@@ -123,6 +128,9 @@ impl ResumeError {
             | Self::TooOld { .. } => "run the plan from its beginning, without --resume",
             Self::InFuture { .. } => "set the clock of this computer right, or run without --resume",
             Self::GoesOn => "wait until that run ends, or stop it where it runs",
+            Self::Outside { .. } => {
+                "name a run in that folder, or run with --records and the folder that holds the run"
+            }
             Self::Changed { .. } => "restore the run's folder from a backup, or run without --resume",
             Self::Captures(error) => error.source.try_this(),
         }
@@ -144,14 +152,16 @@ pub struct Like<'a> {
     pub valid_days: u32,
     /// The time by the clock of the computer.
     pub now: DateTime<FixedOffset>,
-    /// The key of the station, which signed the beginning of the earlier run. Without it, no signature is checked.
+    /// The folder of all records of the station.
+    pub records: &'a Path,
+    /// The key of the station, which signed all that the earlier run says. Without it, no signature is checked.
     pub key: Option<&'a StationKey>,
 }
 
 impl<'a> Like<'a> {
-    /// The properties of a run with this header that begins now, by a plan whose passes count for so many days.
+    /// The properties of a run with this header that begins now in this records folder, by a plan whose passes count for so many days.
     #[must_use]
-    pub fn header(header: &'a RunHeader, valid_days: u32, now: DateTime<FixedOffset>) -> Self {
+    pub fn header(header: &'a RunHeader, valid_days: u32, now: DateTime<FixedOffset>, records: &'a Path) -> Self {
         Self {
             plan_sha256: &header.plan.sha256,
             serial_number: &header.serial_number,
@@ -159,6 +169,7 @@ impl<'a> Like<'a> {
             selection: header.selection.as_deref(),
             valid_days,
             now,
+            records,
             key: None,
         }
     }
@@ -206,6 +217,8 @@ pub struct Resumed {
     key: Option<PublicKey>,
     /// Whether the run has no end: until its station started again, nothing but the journal covered its raw files.
     was_open: bool,
+    /// Why nothing shows whose the run is, if that is so.
+    unproven: Option<&'static str>,
     /// The run that this one had taken up.
     before: Option<Box<Resumed>>,
 }
@@ -220,9 +233,11 @@ impl Resumed {
     }
 
     fn read_with_earlier(folder: &Path, like: Like<'_>, earlier: usize) -> Result<Self, ResumeError> {
-        let state = reader::fold(folder).map_err(ResumeError::Unreadable)?;
         let path = folder.join(JOURNAL);
         let unreadable = |source| ResumeError::Unreadable(ReadError::File { path: path.clone(), source });
+        // Links and `..` would show the chain of other records.
+        let folder = &folder.canonicalize().map_err(unreadable)?;
+        let state = reader::fold(folder).map_err(ResumeError::Unreadable)?;
         let journal = gnc_files::read_below(folder, Path::new(JOURNAL), MAX_JOURNAL_BYTES).map_err(unreadable)?;
         let was = state.header().ok_or(ResumeError::Unreadable(ReadError::Empty))?;
         same("the plan with the digest", &was.plan.sha256, like.plan_sha256)?;
@@ -243,8 +258,8 @@ impl Resumed {
             _ => {}
         }
         like.is_young(began(&journal).ok_or(ResumeError::Unreadable(ReadError::Empty))?)?;
-        has_begun(folder, like.key)?;
-        unchanged(folder, &state)?;
+        let captured = CapturedFiles::read(folder).map_err(ResumeError::Unreadable)?;
+        let unproven = own::check(folder, &state, &captured, &like)?;
         let begun: Vec<(usize, String, u32)> = (state.rows().iter().enumerate())
             .filter(|(_, row)| !row.attempts.is_empty())
             .map(|(position, row)| (position, row.planned.name.clone(), u32::try_from(row.attempts.len()).unwrap_or(1)))
@@ -272,9 +287,10 @@ impl Resumed {
             calibration: kept.or_else(|| knows.and_then(|before| before.calibration.clone())).filter(|_| !stores),
             limits: state.limits().cloned().or_else(|| before.as_ref().and_then(|before| before.limits.clone())),
             begun,
-            captured: CapturedFiles::read(folder).map_err(ResumeError::Unreadable)?,
+            captured,
             key: like.key.map(StationKey::public),
             was_open: state.is_interrupted(),
+            unproven,
             before,
         })
     }
@@ -324,6 +340,11 @@ impl Resumed {
             }
             None => Taken::default(),
         };
+        if let Some(why) = self.unproven.filter(|_| !taken.captures.is_empty() && taken.doubts.is_empty()) {
+            let doubt =
+                format!("captures of the run to resume are taken over, and nothing shows whose they are: {why}");
+            taken.doubts.push(doubt);
+        }
         // A second attempt is made because the captures of the first are no good.
         let first = begun.is_none_or(|(_, _, attempt)| *attempt == 1);
         if let Some(before) = self.before.as_ref().filter(|_| first) {
@@ -355,25 +376,25 @@ impl Resumed {
         }
     }
 
-    /// The captures of a file that the journal does not name. In a run that ended its digests cover them. Otherwise the station
-    /// was killed before the first capture was complete, or an earlier version wrote the journal.
+    /// The captures of a file that the journal does not name. In a run that ended its digests cover them, and with a key that is
+    /// not enough. Otherwise the station was killed before the first capture was complete, or an earlier version wrote the journal.
     fn unnamed(&self, path: &Path, file: &Path) -> Result<Taken, ResumeError> {
         if !path.exists() {
             return Ok(Taken::default());
         }
         let what = format!("no line of the journal says what {} holds", gnc_text::shown_path(file));
-        let must_be_named = self.was_open && (self.key.is_some() || !self.captured.is_empty());
+        let must_be_named = self.key.is_some() || self.was_open && !self.captured.is_empty();
         let captures = match captures::read(path) {
             Ok(record) => good(record),
             // In place of the file of this run there may be anything.
             Err(_) if must_be_named => return Ok(Taken::refused(&what)),
             Err(error) => return Err(error.into()),
         };
+        if must_be_named && !captures.is_empty() {
+            return Ok(Taken::refused(&what));
+        }
         if !self.was_open || captures.is_empty() {
             return Ok(Taken { captures, doubts: Vec::new() });
-        }
-        if must_be_named {
-            return Ok(Taken::refused(&what));
         }
         let doubts = vec![format!(
             "captures of the run to resume are taken over, and nothing shows that they are its own: {what}"
@@ -409,50 +430,6 @@ fn good(record: RawRecord) -> Vec<Capture> {
 fn began(journal: &[u8]) -> Option<DateTime<FixedOffset>> {
     let line = journal.split(|byte| *byte == b'\n').next()?;
     serde_json::from_slice::<Event>(line).ok().map(|event| event.at)
-}
-
-/// Checks that the chain says of the run that it began: a folder that was put there holds captures of any module. Chains of
-/// earlier versions say it of no run.
-fn has_begun(folder: &Path, key: Option<&StationKey>) -> Result<(), ResumeError> {
-    let changed = |what: String| Err(ResumeError::Changed { what });
-    let unreadable = |error: StoreError| ResumeError::Changed { what: gnc_text::with_causes(&error) };
-    let run = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    let Some(records) = run.ancestors().nth(3) else { return Ok(()) };
-    match Beginnings::read(records).and_then(|all| all.of(records, &run)).map_err(unreadable)? {
-        Beginning::NeverWritten => Ok(()),
-        Beginning::Missing => changed("no line of the chain says that it began".to_owned()),
-        Beginning::Written(begun) if key.is_some() && begun.signed_by(key) != SignedBy::This => {
-            changed("the line of its beginning is not signed with the key of this station".to_owned())
-        }
-        Beginning::Written(_) => Ok(()),
-    }
-}
-
-/// Checks a closed run against its digests, and those against the chain. A run that was cut off has neither.
-fn unchanged(folder: &Path, state: &RunState) -> Result<(), ResumeError> {
-    if !folder.join(DIGESTS).exists() {
-        return Ok(());
-    }
-    let added = as_written::strangers(folder);
-    let added = added.iter().map(|file| as_written::was_added(file));
-    if let Some(what) = as_written::changes(folder).into_iter().chain(added).next() {
-        return Err(ResumeError::Changed { what });
-    }
-    match chain::standing(folder) {
-        Ok(ChainStanding::Held | ChainStanding::NoChain) => Ok(()),
-        Ok(ChainStanding::Late) => Err(ResumeError::ClosedLate),
-        // A power cut came between the digests and the chain; the start of the next run repairs that.
-        Ok(ChainStanding::Missing) if state.is_interrupted() => Ok(()),
-        Ok(ChainStanding::Missing) => {
-            Err(ResumeError::Changed { what: "the chain of closed runs does not have it".to_owned() })
-        }
-        Ok(ChainStanding::Other) => Err(ResumeError::Changed {
-            what: format!(
-                "{DIGESTS} was changed after the run was closed: the chain of closed runs has another digest"
-            ),
-        }),
-        Err(error) => Err(ResumeError::Changed { what: gnc_text::with_causes(&error) }),
-    }
 }
 
 /// The folder of a run that another run of the same module had taken up.

@@ -14,6 +14,8 @@ use serde_json::{Value, json};
 use super::*;
 use crate::raw::{RawWriter, pieces};
 use crate::resume::{Like, ResumeError, Resumed};
+use crate::store::chain::Scribe;
+use crate::store::recovery::tests::close_as;
 use crate::store::{RecordWriter, RunFolder, Sealer, StationKey, seal_interrupted};
 
 const TEXT: &str = "name = \"p\"\nversion = \"1\"\n[[item]]\nid = \"io\"\nlimits.wrong_reads = \"<= 0\"\n";
@@ -64,8 +66,13 @@ impl Killed {
     }
 
     fn resume(&self) -> Result<Resumed, ResumeError> {
+        self.resume_at(&self.run)
+    }
+
+    /// Names the run, or a copy of it, by this path.
+    fn resume_at(&self, run: &Path) -> Result<Resumed, ResumeError> {
         let header = super::super::reader::fold(&self.run).unwrap().header().unwrap().clone();
-        Resumed::read(&self.run, Like::header(&header, 7, at()).with_key(self.key.as_ref()))
+        Resumed::read(run, Like::header(&header, 7, at(), self.records.path()).with_key(self.key.as_ref()))
     }
 
     /// The captures that a run takes over, as what the receiver said in each, and what is said of them.
@@ -331,5 +338,136 @@ fn a_file_that_lacks_bytes_is_not_taken_over() {
         assert_eq!((captures, doubts), (Vec::new(), vec![format!("{NOT_TAKEN}{what}")]));
         run.start();
         assert_eq!(run.found(), [what]);
+    });
+}
+
+/// Copies a run into the same day of other records.
+fn copied(run: &Path, records: &Path) -> PathBuf {
+    let copy = records.join("2026-11-28/GOOD").join(run.file_name().unwrap());
+    for file in digest::files_below(run).unwrap() {
+        fs::create_dir_all(copy.join(&file).parent().unwrap()).unwrap();
+        fs::copy(run.join(&file), copy.join(&file)).unwrap();
+    }
+    copy
+}
+
+const NOT_BEGUN: &str = "no line of the chain says that it began";
+const NOBODYS: &str = "captures of the run to resume are taken over, and nothing shows whose they are: ";
+
+fn verification(what: &str) -> String {
+    format!("the run to resume fails its verification: {what}")
+}
+
+/// A run of elsewhere, with a chain there and without one, before and after it was closed.
+#[test]
+fn a_run_from_other_records_is_refused_with_a_key_and_doubted_without_one() {
+    each(|killed, has_key, _| {
+        for (is_closed, has_chain) in [(false, false), (false, true), (true, false), (true, true)] {
+            let run = killed(&["x+"]);
+            if is_closed {
+                run.start();
+            }
+            let elsewhere = tempfile::tempdir().unwrap();
+            let copy = copied(&run.run, elsewhere.path());
+            if has_chain {
+                fs::copy(run.records.path().join("2026-11-28/CHAIN"), elsewhere.path().join("2026-11-28/CHAIN"))
+                    .unwrap();
+            }
+            // The same through `..` and through a link in the records folder.
+            let around = copy.parent().unwrap().join("..").join("GOOD").join(copy.file_name().unwrap());
+            let link = run.run.with_file_name("120000-p");
+            std::os::unix::fs::symlink(&copy, &link).unwrap();
+            for path in [&copy, &around, &link] {
+                let resumed = run.resume_at(path);
+                if has_key {
+                    let refused = resumed.unwrap_err();
+                    let records = gnc_text::shown_path(run.records.path());
+                    let what = format!("the run to resume is not in the records folder of this station, {records}");
+                    assert_eq!(refused.to_string(), what);
+                    assert!(refused.try_this().starts_with("name a run in that folder"));
+                    continue;
+                }
+                let taken = resumed.unwrap().captures("six-position", 1).unwrap();
+                let doubt = format!("{NOBODYS}the run is not in the records folder of this station");
+                assert_eq!((taken.captures.len(), taken.doubts), (1, vec![doubt]));
+            }
+            // A way around to the station's own run is one to its own run.
+            let around = run.run.join("../../GOOD").join(run.run.file_name().unwrap());
+            assert!(run.resume_at(&around).unwrap().captures("six-position", 1).unwrap().doubts.is_empty());
+        }
+    });
+}
+
+/// Chain and counter are taken away, as if an earlier version had made the records.
+#[test]
+fn a_run_whose_chain_was_taken_away_is_refused_with_a_key_and_doubted_without_one() {
+    each(|killed, has_key, _| {
+        for is_closed in [false, true] {
+            let run = killed(&["x+"]);
+            if is_closed {
+                run.start();
+            }
+            fs::remove_file(run.records.path().join("2026-11-28/CHAIN")).unwrap();
+            fs::remove_file(run.records.path().join("COUNTER")).unwrap();
+            if has_key {
+                assert_eq!(run.resume().unwrap_err().to_string(), verification(NOT_BEGUN));
+            } else {
+                assert_eq!(run.resumed(), (vec!["x+".to_owned()], vec![format!("{NOBODYS}{NOT_BEGUN}")]));
+            }
+        }
+    });
+}
+
+/// A closed run needs the signatures of its digests and of its line.
+#[test]
+fn a_closed_run_needs_the_signatures_of_its_station() {
+    let closed = || {
+        let run = Killed::new(Some(key()), &["x+"], true);
+        run.start();
+        assert_eq!(run.resumed(), (vec!["x+".to_owned()], Vec::new()));
+        run
+    };
+    let run = closed();
+    let signature = run.run.join("SHA256SUMS.sig");
+    fs::write(&signature, [7; 64]).unwrap();
+    let refused = |run: &Killed| run.resume().unwrap_err().to_string();
+    assert_eq!(refused(&run), verification("SHA256SUMS.sig is not the signature of SHA256SUMS with this key"));
+    fs::remove_file(&signature).unwrap();
+    assert_eq!(refused(&run), verification("SHA256SUMS.sig is missing: the run is not signed"));
+    let run = closed();
+    let chain = run.records.path().join("2026-11-28/CHAIN");
+    let lines = fs::read_to_string(&chain).unwrap();
+    let unsigned = |line: &str| match line.contains(" close ") {
+        true => format!("{}\n", line.split(" sig ").next().unwrap()),
+        false => format!("{line}\n"),
+    };
+    fs::write(&chain, lines.lines().map(unsigned).collect::<String>()).unwrap();
+    assert_eq!(refused(&run), verification("the line of its end is not signed with the key of this station"));
+}
+
+/// The lines about the file are taken away, and the killed run is made one that ended: its digests cover the file now.
+#[test]
+fn a_run_that_was_given_an_end_needs_its_lines_too() {
+    each(|killed, has_key, _| {
+        let run = killed(&["x+"]);
+        let lines = run.journal();
+        let kept = lines.lines().filter(|line| !line.contains("captured"));
+        let mut events: Vec<Value> = kept.map(|line| serde_json::from_str(line).unwrap()).collect();
+        let at = events[0]["at"].clone();
+        let (seq, end) = (events.len(), "aborted");
+        events.push(json!({ "seq": seq, "at": at, "elapsed_us": 9, "kind": "run_ended", "outcome": end }));
+        let line = |(at, event): (usize, &Value)| match at {
+            0 => format!("{}\n", lines.lines().next().unwrap()),
+            _ => gnc_executive::journal::line(&serde_json::from_value::<Event>(event.clone()).unwrap()).unwrap(),
+        };
+        fs::write(run.run.join(JOURNAL), events.iter().enumerate().map(line).collect::<String>()).unwrap();
+        let by = Scribe { station: "bench 1", at: super::tests::at(), key: run.key.as_ref(), late: None };
+        close_as(&run.run, &by, run.key.as_ref(), None).unwrap();
+        let what = format!("no line of the journal says what {FILE} holds");
+        let expected = match has_key {
+            true => (Vec::new(), vec![format!("{NOT_TAKEN}{what}")]),
+            false => (vec!["x+".to_owned()], Vec::new()),
+        };
+        assert_eq!(run.resumed(), expected);
     });
 }

@@ -94,6 +94,11 @@ impl Beginnings {
         all
     }
 
+    /// Whether any line of the chain is signed.
+    pub(crate) fn are_signed(&self) -> bool {
+        self.signed_since.is_some()
+    }
+
     /// What they say of a run, by its name and the first line of its journal.
     ///
     /// # Errors

@@ -210,6 +210,15 @@ pub fn standing(run: &Path) -> Result<ChainStanding, StoreError> {
     })
 }
 
+/// Whether one of the keys signed the line by which a run was closed.
+///
+/// # Errors
+/// The chain of its day cannot be read.
+pub(crate) fn is_close_signed_by(run: &Path, keys: &[PublicKey]) -> Result<bool, StoreError> {
+    let mut days = LateCloses::default();
+    Ok(days.link(run)?.is_some_and(|link| link.close.is_signed_by(keys) == Some(true)))
+}
+
 /// Tells which runs were closed late. It remembers the day of the run that was asked for last: ask in the order of days.
 #[derive(Debug, Default)]
 pub struct LateCloses {

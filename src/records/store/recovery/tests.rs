@@ -443,7 +443,7 @@ fn only_a_run_that_the_chain_began_is_resumed() {
     shelf.cut(&old);
     let why = |run: &Path, key| {
         let header = reader::fold(run).unwrap().header().unwrap().clone();
-        let like = Like::header(&header, 7, at()).with_key(key);
+        let like = Like::header(&header, 7, at(), shelf.path()).with_key(key);
         Resumed::read(run, like).err().map(|error| error.to_string())
     };
     assert_eq!(why(&old, Some(&own)), None, "an earlier version wrote no line of a beginning");

@@ -104,6 +104,7 @@ impl Look {
             selection: self.selection.as_deref(),
             valid_days,
             now,
+            records: &self.records,
             // The start checks it.
             key: None,
         })
