@@ -96,7 +96,7 @@ impl Beginnings {
 
     /// Whether any line of the chain is signed.
     pub(crate) fn are_signed(&self) -> bool {
-        self.signed_since.is_some()
+        self.first_signed.is_some()
     }
 
     /// What they say of a run, by its name and the first line of its journal.

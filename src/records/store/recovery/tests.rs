@@ -427,7 +427,7 @@ fn an_interrupted_run_is_closed_behind_an_exchanged_or_a_later_key() {
         assert_eq!(checked.problems, Vec::<String>::new());
         if of_old.is_some() {
             let header = reader::fold(&run).unwrap().header().unwrap().clone();
-            let like = Like::header(&header, 7, at()).with_key(Some(&new));
+            let like = Like::header(&header, 7, at(), shelf.path()).with_key(Some(&new));
             let why = Resumed::read(&run, like).err().map(|error| error.to_string()).unwrap_or_default();
             assert!(why.contains("the line of its beginning is not signed with the key of this station"), "{why}");
         }
