@@ -99,7 +99,7 @@ pub(crate) struct Form {
     pub after_failure: AfterFailure,
     pub lang: Lang,
     /// The last look at its files.
-    pub look: Option<FormLook>,
+    pub look: Option<Box<FormLook>>,
 }
 
 impl Form {

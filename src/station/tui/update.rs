@@ -218,7 +218,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
             take_operator(model);
         }
         Msg::Plan { path, plan } => return take_plan(model, path, plan),
-        Msg::LookedAt(look) => keys::looked_at(model, *look),
+        Msg::LookedAt(look) => keys::looked_at(model, &look),
         Msg::Choices(choices) => model.choices = choices,
         Msg::BrokeOff { serial_number, run } => run::broke_off(model, &serial_number, run.as_ref()),
         Msg::Standing { serial_number, standing } => run::standing(model, &serial_number, standing),

@@ -391,16 +391,17 @@ fn look_again(model: &mut ScreenModel) -> Option<Effect> {
         return None;
     }
     let (plan_path, bench_path) = (plan.clone(), bench.clone());
-    form.look = Some(FormLook { plan_path, bench_path, bench: Loaded::Loading, plan: Loaded::Loading });
+    let look = FormLook { plan_path, bench_path, bench: Loaded::Loading, plan: Loaded::Loading };
+    form.look = Some(Box::new(look));
     Some(Effect::Look { plan, bench })
 }
 
 /// Shows what a look found, if the form waits for it.
-pub(super) fn looked_at(model: &mut ScreenModel, found: FormLook) {
+pub(super) fn looked_at(model: &mut ScreenModel, found: &FormLook) {
     let forms = model.over.iter_mut().filter_map(|over| if let Over::Setup(form) = over { Some(form) } else { None });
     for form in forms {
         if let Some(look) = form.look.as_mut().filter(|look| look.is_at(&found.plan_path, &found.bench_path)) {
-            *look = found.clone();
+            (**look).clone_from(found);
         }
     }
 }
