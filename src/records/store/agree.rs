@@ -89,19 +89,19 @@ fn judged_otherwise(state: &RunState) -> Vec<String> {
                 if measurement.outcome.is_some_and(Outcome::is_good) && is_beyond(measurement) {
                     let name = gnc_text::printable(&measurement.name);
                     problems.push(format!(
-                        "{JOURNAL} calls {name} of {item}, attempt {number}, good, and its value is not within the limit beside it"
+                        "{JOURNAL} calls {name} of {item} good in attempt {number} although its value is beyond the limit beside it"
                     ));
                 }
             }
             let bad = attempt.measurements.iter().find(|one| one.outcome.is_some_and(|outcome| !outcome.is_good()));
             if let Some(bad) = bad.filter(|_| attempt.outcome.is_some_and(Outcome::is_good)) {
                 let name = gnc_text::printable(&bad.name);
-                problems.push(format!("{JOURNAL} calls {item}, attempt {number}, good, and {name} in it is not"));
+                problems.push(format!("{JOURNAL} calls attempt {number} of {item} good although {name} in it is not"));
             }
         }
         let last = row.attempts.last().and_then(|attempt| attempt.outcome);
         if row.outcome.is_good() && last.is_some_and(|last| !last.is_good()) {
-            problems.push(format!("{JOURNAL} calls {item} good, and its last attempt is not"));
+            problems.push(format!("{JOURNAL} calls {item} good although its last attempt is not"));
         }
     }
     problems

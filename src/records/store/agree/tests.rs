@@ -161,7 +161,7 @@ fn a_journal_that_judges_against_its_own_figures_is_named() {
     };
     let said = |measurement: Value, outcomes| judged_otherwise(&state_with(Some(measurement), outcomes));
     let passed = ["failed", "passed", "passed"];
-    let beyond = "events.jsonl calls gyro of cpu, attempt 2, good, and its value is not within the limit beside it";
+    let beyond = "events.jsonl calls gyro of cpu good in attempt 2 although its value is beyond the limit beside it";
     for good in [figure(-1.0, "passed"), figure(2.0, "marginal"), text("1.2", "passed")] {
         assert_eq!(said(good, passed), Vec::<String>::new());
     }
@@ -170,8 +170,8 @@ fn a_journal_that_judges_against_its_own_figures_is_named() {
     }
     // What fails within its limits may have failed by its coverage interval.
     assert_eq!(said(figure(1.9, "failed"), ["failed", "failed", "failed"]), Vec::<String>::new());
-    let in_attempt = "events.jsonl calls cpu, attempt 2, good, and gyro in it is not";
+    let in_attempt = "events.jsonl calls attempt 2 of cpu good although gyro in it is not";
     assert_eq!(said(figure(3.0, "failed"), passed), [in_attempt]);
-    let last = "events.jsonl calls cpu good, and its last attempt is not";
+    let last = "events.jsonl calls cpu good although its last attempt is not";
     assert_eq!(said(figure(3.0, "failed"), ["passed", "failed", "passed"]), [last]);
 }
