@@ -6,6 +6,7 @@ mod board;
 pub mod campaign;
 pub mod older;
 
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -16,6 +17,9 @@ pub use board::Board;
 
 /// Exit code of a run of chosen items that are good: no pass of the module.
 pub const PARTIAL: Option<i32> = Some(5);
+
+/// Number of a user and a group without rights, as whom a program runs where the tests are root's.
+pub const UNPRIVILEGED: u32 = 65_534;
 
 /// The functional plan of the repository.
 #[must_use]
@@ -43,6 +47,26 @@ pub fn boards() -> Vec<PathBuf> {
         .collect();
     boards.sort();
     boards
+}
+
+/// The station as a user without rights if the test is root's. That user may not come to the program where it was built, so the
+/// folder gets a copy. Another program makes it: a child of another test may inherit a descriptor of this process that writes, and the
+/// system starts no program that is open for writing.
+///
+/// # Panics
+/// The copy cannot be made.
+#[must_use]
+pub fn without_rights(station: &str, folder: &Path) -> Command {
+    if !nix::unistd::geteuid().is_root() {
+        return Command::new(station);
+    }
+    let copy = folder.join("station");
+    if !copy.exists() {
+        assert!(Command::new("cp").args([Path::new(station), &copy]).status().expect("cp").success());
+    }
+    let mut command = Command::new(copy);
+    command.uid(UNPRIVILEGED).gid(UNPRIVILEGED);
+    command
 }
 
 /// A new folder in which the station works.

@@ -15,7 +15,7 @@ use crate::phrases::in_language;
 
 /// A person at a terminal wonders after so long.
 const SOON: Duration = Duration::from_secs(2);
-/// Time between two lines, and before the first one of a program that nobody watches.
+/// Time between two lines. Where the output is no terminal, it is also the time before the first line.
 const EVERY: Duration = Duration::from_secs(10);
 
 /// Tells how far something is until it is dropped.

@@ -3,17 +3,14 @@
 
 use std::fs;
 use std::os::unix::fs::{PermissionsExt as _, chown, symlink};
-use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Output, Stdio};
 
-use gnc_tests::Place;
+use gnc_tests::{Place, UNPRIVILEGED, without_rights};
 use insta::assert_snapshot;
 
 use super::STATION;
 
-/// A user without rights, as whom a command runs where the test itself is root.
-const NOBODY: u32 = 65_534;
 /// A file that no reader should read to its end.
 const SPARSE_BYTES: u64 = 2 << 30;
 /// No message is longer.
@@ -73,25 +70,18 @@ fn give_away(folder: &Path) {
         }
     }
     if !folder.is_symlink() {
-        chown(folder, Some(NOBODY), Some(NOBODY)).expect("the rights of root");
+        chown(folder, Some(UNPRIVILEGED), Some(UNPRIVILEGED)).expect("the rights of root");
     }
 }
 
 /// Runs a command; `denied`: without the rights of root.
 fn run(place: &Place, args: &[&str], denied: bool) -> Output {
-    let is_root = nix::unistd::geteuid().is_root();
-    let mut command = place.station(args);
-    if !(denied && is_root) {
-        return command.output().expect("the station");
+    if !denied {
+        return place.station(args).output().expect("the station");
     }
-    command.uid(NOBODY).gid(NOBODY).output().unwrap_or_else(|_| {
-        // The user may not come to the program where it was built.
-        let copy = place.path().join("station");
-        fs::copy(STATION, &copy).expect("a copy");
-        let mut command = std::process::Command::new(copy);
-        command.args(args).current_dir(place.path()).env("LC_ALL", "C.UTF-8").uid(NOBODY).gid(NOBODY);
-        command.output().expect("the station")
-    })
+    let mut command = without_rights(STATION, place.path());
+    command.args(args).current_dir(place.path()).stdin(Stdio::null()).env("NO_COLOR", "1").env("LC_ALL", "C.UTF-8");
+    command.output().expect("the station")
 }
 
 /// The run's folder and its day.

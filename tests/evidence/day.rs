@@ -32,14 +32,24 @@ pub(crate) fn write(place: &Path) -> PathBuf {
     public
 }
 
-/// Writes one run.
-pub(crate) fn run(records: &Path, key: &StationKey, started: &str, serial_number: &str, value: f64) -> PathBuf {
-    let at: DateTime<FixedOffset> = started.parse().expect("a time");
+/// A new run without an event: its folder, and the writer of its record.
+pub(crate) fn new(
+    records: &Path,
+    key: &StationKey,
+    at: DateTime<FixedOffset>,
+    serial_number: &str,
+) -> (PathBuf, RecordWriter) {
     let plan = Plan::read("small.toml", PLAN.to_vec(), &mut |name| Err(name.to_owned())).expect("a plan");
     let folder =
         RunFolder::create(records, at, serial_number, "small").expect("a folder").signed_with(Some(key.clone()));
     let path = folder.path().to_owned();
-    let writer = RecordWriter::without_thread(folder, &plan, Vec::new()).expect("a record");
+    (path, RecordWriter::without_thread(folder, &plan, Vec::new()).expect("a record"))
+}
+
+/// Writes one run.
+pub(crate) fn run(records: &Path, key: &StationKey, started: &str, serial_number: &str, value: f64) -> PathBuf {
+    let at: DateTime<FixedOffset> = started.parse().expect("a time");
+    let (path, writer) = new(records, key, at, serial_number);
     let state = writer.state();
     let runtime = tokio::runtime::Builder::new_current_thread().build().expect("a runtime");
     for (seq, body) in events(serial_number, value).into_iter().enumerate() {

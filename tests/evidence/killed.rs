@@ -5,23 +5,18 @@ use std::path::{Path, PathBuf};
 use chrono::{DateTime, FixedOffset};
 use gnc_analysis::capture::{Capture, CaptureHead, Pose, ReceiverCapture, Said, Timing};
 use gnc_executive::event::{BenchKind, Event, ProgramVersion};
-use gnc_executive::plan::Plan;
 use gnc_protocol::stream::Losses;
 use gnc_records::raw::pieces;
-use gnc_records::store::{RawPart, RecordWriter, RunFolder, Sealer, StationKey, seal_interrupted};
+use gnc_records::store::{RawPart, RecordWriter, Sealer, StationKey, seal_interrupted};
 use serde_json::json;
 
-use crate::day::{PLAN, event, events};
+use crate::day::{self, event, events};
 
 /// Writes the beginning of a run that captures, and leaves it as a kill does.
 pub(crate) fn killed(records: &Path, key: &StationKey) -> PathBuf {
     let (started, serial_number) = ("2026-11-29T09:00:00+08:00", "T-4");
     let at: DateTime<FixedOffset> = started.parse().expect("a time");
-    let plan = Plan::read("small.toml", PLAN.to_vec(), &mut |name| Err(name.to_owned())).expect("a plan");
-    let folder =
-        RunFolder::create(records, at, serial_number, "small").expect("a folder").signed_with(Some(key.clone()));
-    let path = folder.path().to_owned();
-    let writer = RecordWriter::without_thread(folder, &plan, Vec::new()).expect("a record");
+    let (path, writer) = day::new(records, key, at, serial_number);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
     runtime.block_on(async {
         for (seq, body) in events(serial_number, 0.0).into_iter().take(3).enumerate() {

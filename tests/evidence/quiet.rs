@@ -1,13 +1,12 @@
-//! What passed without a word: a folder without runs, one module whose run was taken away, a folder that is held, a head that a person
-//! types, files that nobody may read, and those that a file manager leaves.
+//! Cases that a check once passed without a word: a folder without runs, a module whose run was taken away, a folder that another
+//! program holds, a head that a person types, files without rights, and files of a file manager.
 
 use std::fs::{self, File};
 use std::os::unix::fs::{PermissionsExt as _, chown};
 
-use super::*;
+use gnc_tests::{UNPRIVILEGED, without_rights};
 
-/// A user without rights, if the tests are root's.
-const NOBODY: u32 = 65534;
+use super::*;
 
 const FAILED: &str = "2026-11-28/T-2/091000-small";
 
@@ -116,21 +115,14 @@ fn what_may_not_be_read_is_called_unreadable() {
         let is_root = nix::unistd::geteuid().is_root();
         if is_root {
             for found in tree(place.path()).expect("a tree").into_keys() {
-                chown(place.path().join(found), Some(NOBODY), Some(NOBODY)).expect("an owner");
+                chown(place.path().join(found), Some(UNPRIVILEGED), Some(UNPRIVILEGED)).expect("an owner");
             }
         }
         let spoiled = records.join(&path);
         fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o000)).expect("rights");
-        // A copy of the station, which another user may carry out.
-        let station = place.path().join("station");
-        fs::copy(STATION, &station).expect("a station");
-        fs::set_permissions(&station, fs::Permissions::from_mode(0o755)).expect("rights");
-        let mut command = Command::new(&station);
+        let mut command = without_rights(STATION, place.path());
         command.args(["records", "verify", "--records"]).arg(&records).arg("--key").arg(&key);
         command.stdin(Stdio::null()).env("NO_COLOR", "1").env("LC_ALL", "C.UTF-8").current_dir(place.path());
-        if is_root {
-            std::os::unix::process::CommandExt::uid(&mut command, NOBODY);
-        }
         let output = command.output().expect("the station");
         let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
         fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o755)).expect("rights");

@@ -252,7 +252,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
             gnc_text::shown_path(&is)
         )),
         None => {
-            // What no station wrote is no part of the run, whoever closes it.
+            // A start that closes the run leaves files of strangers out: they are no reason to leave the run open.
             if is_ours {
                 added.clear();
             }

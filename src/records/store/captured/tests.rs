@@ -352,7 +352,7 @@ fn copied(run: &Path, records: &Path) -> PathBuf {
 }
 
 const NOT_BEGUN: &str = "no line of the chain says that it began";
-const NOBODYS: &str = "captures of the run to resume are taken over, and nothing shows whose they are: ";
+const UNPROVEN: &str = "captures of the run to resume are taken over, and nothing shows whose they are: ";
 
 fn verification(what: &str) -> String {
     format!("the run to resume fails its verification: {what}")
@@ -388,7 +388,7 @@ fn a_run_from_other_records_is_refused_with_a_key_and_doubted_without_one() {
                     continue;
                 }
                 let taken = resumed.unwrap().captures("six-position", 1).unwrap();
-                let doubt = format!("{NOBODYS}the run is not in the records folder of this station");
+                let doubt = format!("{UNPROVEN}the run is not in the records folder of this station");
                 assert_eq!((taken.captures.len(), taken.doubts), (1, vec![doubt]));
             }
             // A way around to the station's own run is one to its own run.
@@ -412,7 +412,7 @@ fn a_run_whose_chain_was_taken_away_is_refused_with_a_key_and_doubted_without_on
             if has_key {
                 assert_eq!(run.resume().unwrap_err().to_string(), verification(NOT_BEGUN));
             } else {
-                assert_eq!(run.resumed(), (vec!["x+".to_owned()], vec![format!("{NOBODYS}{NOT_BEGUN}")]));
+                assert_eq!(run.resumed(), (vec!["x+".to_owned()], vec![format!("{UNPROVEN}{NOT_BEGUN}")]));
             }
         }
     });

@@ -131,8 +131,8 @@ impl Before {
         self.is_new
     }
 
-    /// Why a run without a line that closed it may have had one all the same: a line of its day is not as it was written, or one is
-    /// missing where its own would stand. Whoever puts the chain right finds the run closed, so nothing may be written for it.
+    /// Why a run without a closing line may have been closed: a line of its day was damaged, or lines are missing where its own would
+    /// stand. The start writes nothing for such a run, since a backup of the chain may bring its line back.
     pub(in crate::store) fn unsure_of(&self, records: &Path, run: &Path) -> Option<String> {
         let name = name_in(records, run);
         let (day, _) = day_and_time(&name);

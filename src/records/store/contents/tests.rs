@@ -102,7 +102,7 @@ fn text(run: &Path, name: &str) -> String {
     fs::read_to_string(run.join(name)).unwrap()
 }
 
-/// What the checks say of a folder, but for the raw file that is none.
+/// The findings about a folder, without those about the planted raw files, which hold no samples.
 fn found(run: &Path) -> Vec<String> {
     let mut found = crate::store::as_written::verify(run);
     found.retain(|problem| !problem.starts_with("01-cpu/attempt-1.mcap: ") && !problem.contains("attempt-9.mcap: "));
