@@ -423,3 +423,22 @@ fn each_byte_of_the_chain_counts() {
     }
     assert_eq!(shelf.chain_found(), Vec::<String>::new());
 }
+
+/// Lines say their numbers themselves, so what they say is the same in another order: it is a change all the same.
+#[test]
+fn the_order_of_the_lines_counts() {
+    let shelf = Shelf::new();
+    for day in ["2026-11-21", "2026-11-22"] {
+        let path = shelf.path().join(day).join("CHAIN");
+        let before = fs::read_to_string(&path).unwrap();
+        let lines: Vec<&str> = before.split_inclusive('\n').collect();
+        assert!(lines.len() > 1, "{day}");
+        for at in 1..lines.len() {
+            let mut swapped = lines.clone();
+            swapped.swap(at - 1, at);
+            fs::write(&path, swapped.concat()).unwrap();
+            assert!(!shelf.chain_found().is_empty(), "line {at} of {day}");
+        }
+        fs::write(&path, &before).unwrap();
+    }
+}

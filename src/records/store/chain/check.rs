@@ -164,6 +164,13 @@ impl ChainBook {
                             chain.broken
                         ));
                     }
+                    // A station adds each line behind the others.
+                    if chain.lines.windows(2).any(|pair| pair[1].number < pair[0].number) {
+                        book.broken.push(format!(
+                            "{}: the lines do not stand in the order in which a station wrote them",
+                            gnc_text::shown_path(&chain.path)
+                        ));
+                    }
                     if chain.is_torn {
                         book.torn.push(format!(
                             "the chain of {day} ends with half a line: its station ended, or could not write; the next start removes it"
