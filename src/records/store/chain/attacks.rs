@@ -4,6 +4,7 @@
 mod forge;
 mod quiet;
 mod shelf;
+mod strangers;
 
 use std::fs;
 

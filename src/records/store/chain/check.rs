@@ -3,10 +3,10 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::append::lock;
 use super::before::day_and_time;
 use super::entry::{ChainEntry, Place};
-use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
+use super::read::{MAX_COUNTER_BYTES, name_in};
+use super::snapshot::Snapshot;
 use super::{COUNTER, NOTHING, begin, contradictions, matching, places, signed, times};
 use crate::store::{DIGESTS, PublicKey, StoreError, goes_on, reader};
 
@@ -95,8 +95,8 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
 pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainCheck, ChainBook), StoreError> {
     // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
     let closed = closed(records)?;
-    let places::Strays { problems: strays, litter } = places::strays(records);
-    let book = ChainBook::read_held(records)?;
+    let places::Strays { problems: strays, litter, notes } = places::strays(records);
+    let book = ChainBook::read(records)?;
     let mut checked = ChainCheck {
         runs: book.lines.iter().filter(|line| line.is_close()).count(),
         late: book.lines.iter().filter(|line| line.late.is_some()).count(),
@@ -104,7 +104,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
         problems: strays,
         litter,
         incomplete: book.torn.clone(),
-        notes: Vec::new(),
+        notes,
         signed: 0,
     };
     checked.problems.extend(book.broken.iter().cloned());
@@ -124,28 +124,18 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
 }
 
 impl ChainBook {
-    /// Reads all lines while no station writes. Where the lock cannot be had, what stands there is read all the same.
-    ///
-    /// # Errors
-    /// The records folder cannot be read.
-    pub fn read_held(records: &Path) -> Result<Self, StoreError> {
-        let held = lock(records).ok();
-        let book = Self::read(records);
-        drop(held);
-        book
-    }
-
-    /// Reads all lines.
+    /// Reads all lines as they are at one moment. Stations that write meanwhile do not wait for it, and what they write is not in it.
     ///
     /// # Errors
     /// The records folder cannot be read.
     pub fn read(records: &Path) -> Result<Self, StoreError> {
         let mut book = Self { records: records.to_owned(), ..Self::default() };
-        for day in reader::day_names(records)? {
-            match chain_of(records, &day) {
+        let snapshot = Snapshot::take(records)?;
+        for day in snapshot.days() {
+            match snapshot.chain_of(day) {
                 Err(error) => {
                     book.broken.push(gnc_text::with_causes(&error));
-                    book.unread.insert(day);
+                    book.unread.insert(day.to_owned());
                 }
                 Ok(None) => {}
                 Ok(Some(chain)) => {
@@ -157,7 +147,7 @@ impl ChainBook {
                         ));
                     }
                     if chain.broken > 0 {
-                        book.broken_days.insert(day.clone());
+                        book.broken_days.insert(day.to_owned());
                         book.broken.push(format!(
                             "{}: {} lines do not belong to a chain",
                             gnc_text::shown_path(&chain.path),
@@ -187,7 +177,7 @@ impl ChainBook {
                 book.begins.entry(line.run.clone()).or_insert(at);
             }
         }
-        match counter(records) {
+        match snapshot.counted {
             Ok(counted) => book.counted = counted,
             // Nothing is written there but in one step, so only a disk that lost what it had leaves this.
             Err(_) if is_blank(records) => book.torn.push(format!(

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::check::{Against, ChainBook, ChainCheck, Head};
 use super::entry::ChainEntry;
 use super::read::name_in;
-use super::{NOTHING, contradictions, matching, signed};
+use super::{NOTHING, contradictions, matching, places, signed};
 use crate::store::{StoreError, on, reader};
 
 impl ChainBook {
@@ -73,10 +73,12 @@ impl ChainBook {
         };
         let named: Vec<&ChainEntry> =
             self.lines.iter().filter(|line| is_named(&line.run) || is_named(line.began_as())).collect();
-        if named.is_empty() {
+        let places::Strays { problems: strays, litter, notes } = places::strays_of(&self.records, &folders);
+        if named.is_empty() && strays.is_empty() && litter.is_empty() {
             return None;
         }
-        let mut checked = ChainCheck { problems: self.broken.clone(), ..ChainCheck::default() };
+        let problems = [strays, self.broken.clone()].concat();
+        let mut checked = ChainCheck { problems, litter, notes, ..ChainCheck::default() };
         let gone: HashSet<&str> = named.iter().map(|line| line.run.as_str()).filter(|run| is_gone(run)).collect();
         let of_gone = |line: &ChainEntry| gone.contains(line.run.as_str()) || gone.contains(line.began_as());
         let lines: Vec<&ChainEntry> = self.lines.iter().filter(|line| of_gone(line)).collect();

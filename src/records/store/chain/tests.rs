@@ -231,3 +231,40 @@ fn half_a_line_does_not_swallow_the_next_run() {
     close(folder.path(), 2);
     assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 3, first: 1, ..ChainCheck::default() });
 }
+
+/// A station writes while others read: no reader sees half of what it writes, and none of them calls a line missing.
+#[test]
+fn a_reader_beside_a_writing_station_finds_nothing() {
+    let (folder, _) = records(2);
+    std::thread::scope(|scope| {
+        let writer = scope.spawn(|| (2..200).map(|run| close(folder.path(), run)).count());
+        let mut looks = 0;
+        while !writer.is_finished() || looks < 2 {
+            let book = ChainBook::read(folder.path()).expect("a chain");
+            let mut checked = ChainCheck::default();
+            book.order(&mut checked.problems);
+            book.counter(&mut checked);
+            assert_eq!(checked, ChainCheck::default(), "look {looks}");
+            assert!(book.broken.is_empty() && book.lines.len() >= 2, "look {looks}: {:?}", book.broken);
+            looks += 1;
+        }
+        assert_eq!(writer.join().expect("a station"), 198);
+    });
+}
+
+/// What a reader takes is of one moment, and a station that goes on meanwhile does not wait for the reader.
+#[test]
+fn a_snapshot_stays_as_it_was() {
+    let (folder, _) = records(3);
+    let snapshot = snapshot::Snapshot::take(folder.path()).expect("a folder");
+    let other = snapshot::Snapshot::take(folder.path()).expect("another reader");
+    close(folder.path(), 3);
+    close(folder.path(), 4);
+    for (snapshot, lines) in [(snapshot, [2, 1]), (other, [2, 1])] {
+        let counts = snapshot.days().map(|day| snapshot.chain_of(day).expect("a chain").expect("lines").lines.len());
+        assert_eq!(counts.collect::<Vec<_>>(), lines);
+        assert_eq!(snapshot.counted.expect("a counter").expect("a number").number, 3);
+    }
+    let now = snapshot::Snapshot::take(folder.path()).expect("a folder");
+    assert_eq!(now.counted.expect("a counter").expect("a number").number, 5);
+}
