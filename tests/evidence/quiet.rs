@@ -44,7 +44,12 @@ fn a_module_is_not_verified_without_its_runs() {
     for asked_for in ["T-2", FAILED, &name, &format!("{name}/")] {
         let (code, said) = asked(&records, &[asked_for.to_owned()]);
         assert_eq!(code, 1, "{asked_for}: {said}");
-        assert!(said.contains(&format!("chain: run 4 ({FAILED}) was closed, and its folder is missing\n")), "{said}");
+        assert!(
+            said.contains(&format!(
+                "chain: line 4 of the chain ({FAILED}): the run was closed, and its folder is missing\n"
+            )),
+            "{said}"
+        );
     }
     let (code, said) = asked(&records, &["T-1".to_owned()]);
     assert_eq!(code, 0, "another module: {said}");
@@ -65,9 +70,8 @@ fn a_run_that_was_sent_alone_is_proved_by_its_key() {
     plant(&tree(&kept.records().join(FAILED)).expect("a run"), &sent).expect("a copy");
     let name = sent.to_string_lossy().into_owned();
     let key = || ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned(), name.clone()];
-    let said = |(code, said): (i32, String)| {
-        format!("{code}\n{}", said.replace(&place.path().display().to_string(), "PLACE"))
-    };
+    let said =
+        |(code, said): (i32, String)| format!("{code}\n{}", said.replace(&place.path().display().to_string(), "PLACE"));
     insta::assert_snapshot!("sent_alone", said(asked(&kept.records(), std::slice::from_ref(&name))));
     insta::assert_snapshot!("sent_alone_with_its_key", said(asked(&kept.records(), &key())));
     // A file is exchanged with its digest, and the signature taken away.
@@ -88,7 +92,8 @@ fn a_killed_run_that_was_moved_is_a_finding() {
     let (code, said) = asked(&records, &["T-4".to_owned()]);
     assert_eq!(code, 3, "as the kill left it: {said}");
     fs::create_dir_all(records.join("2026-11-29/T-3")).expect("a module");
-    fs::rename(records.join("2026-11-29/T-4/090000-small"), records.join("2026-11-29/T-3/090000-small")).expect("a run");
+    fs::rename(records.join("2026-11-29/T-4/090000-small"), records.join("2026-11-29/T-3/090000-small"))
+        .expect("a run");
     let told = "the journal names the serial number \"T-4\", and the folder is not that of its module";
     for asked_for in [Vec::new(), vec!["T-3".to_owned()], vec!["2026-11-29/T-3/090000-small".to_owned()]] {
         let (code, said) = asked(&records, &asked_for);

@@ -246,12 +246,17 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     }
     let mut only_litter = false;
     match renamed {
-        Some((was, is)) => problems.push(format!(
-            "{} files have other names, {} is {}: the run was copied to a file system that changes names",
-            added.len(),
-            gnc_text::shown_path(&was),
-            gnc_text::shown_path(&is)
-        )),
+        Some((was, is)) => {
+            let (was, is) = (gnc_text::shown_path(&was), gnc_text::shown_path(&is));
+            problems.push(match added.len() {
+                1 => format!(
+                    "1 file has another name, {was} is {is}: the run was copied to a file system that changes names"
+                ),
+                files => format!(
+                    "{files} files have other names, {was} is {is}: the run was copied to a file system that changes names"
+                ),
+            });
+        }
         None => {
             // A start that closes the run leaves files of strangers out: they are no reason to leave the run open.
             if is_ours {

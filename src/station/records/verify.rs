@@ -301,7 +301,11 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     }
     // Who verifies all runs of a station that works gets no alarm; who names a run wants to know about that one.
     if running > 0 && all.is_none() {
-        return Ok(refuse(format_args!("{running} of these runs go on"), "verify them when they have ended"));
+        let what = match running {
+            1 => "1 of these runs goes on".to_owned(),
+            running => format!("{running} of these runs go on"),
+        };
+        return Ok(refuse(what, "verify them when they have ended"));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -351,11 +355,14 @@ fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) 
     let ChainCheck { runs, first, problems, incomplete, notes, late, litter, signed: _ } = checked;
     if problems.is_empty() && incomplete.is_empty() && *runs > 0 {
         let elsewhere = if *first > 1 {
-            format!(" from run {first} on; earlier runs are not in this folder")
+            format!(" from line {first} on; earlier lines are not in this folder")
         } else {
             String::new()
         };
-        out.say(format_args!("the chain of {runs} closed runs is whole{elsewhere}"));
+        match runs {
+            1 => out.say(format_args!("the chain of 1 closed run is whole{elsewhere}")),
+            runs => out.say(format_args!("the chain of {runs} closed runs is whole{elsewhere}")),
+        }
     }
     match late {
         0 => {}

@@ -139,20 +139,23 @@ impl ChainBook {
                 }
                 Ok(None) => {}
                 Ok(Some(chain)) => {
-                    if !chain.edited.is_empty() {
-                        book.broken.push(format!(
-                            "{}: {} lines are as they were written but for their ends: an editor saved the file; restore it from a backup",
-                            gnc_text::shown_path(&chain.path),
-                            chain.edited.len()
-                        ));
-                    }
+                    let shown = gnc_text::shown_path(&chain.path);
+                    book.broken.extend(match chain.edited.len() {
+                        0 => None,
+                        1 => Some(format!(
+                            "{shown}: 1 line is as it was written but for its end: an editor saved the file; restore it from a backup"
+                        )),
+                        edited => Some(format!(
+                            "{shown}: {edited} lines are as they were written but for their ends: an editor saved the file; restore it from a backup"
+                        )),
+                    });
+                    book.broken.extend(match chain.broken {
+                        0 => None,
+                        1 => Some(format!("{shown}: 1 line does not belong to a chain")),
+                        broken => Some(format!("{shown}: {broken} lines do not belong to a chain")),
+                    });
                     if chain.broken > 0 {
                         book.broken_days.insert(day.to_owned());
-                        book.broken.push(format!(
-                            "{}: {} lines do not belong to a chain",
-                            gnc_text::shown_path(&chain.path),
-                            chain.broken
-                        ));
                     }
                     if chain.is_torn {
                         book.torn.push(format!(
@@ -161,8 +164,10 @@ impl ChainBook {
                     }
                     let lines: Vec<ChainEntry> = chain.lines.into_iter().chain(chain.edited).collect();
                     for line in lines.iter().filter(|line| line.day() != day) {
-                        book.broken
-                            .push(format!("run {} ({}): its line stands in the chain of {day}", line.number, line.run));
+                        book.broken.push(format!(
+                            "line {} of the chain ({}): it stands in the chain of {day}",
+                            line.number, line.run
+                        ));
                     }
                     book.lines.extend(lines);
                 }
@@ -209,8 +214,9 @@ impl ChainBook {
         let name = name_in(&self.records, run);
         if let Some(close) = self.close_of(&name) {
             // Its station may give the files their names at this moment.
-            return (!reader::is_sealed(run))
-                .then(|| format!("run {} ({name}) was closed, and its {DIGESTS} is missing", close.number));
+            return (!reader::is_sealed(run)).then(|| {
+                format!("line {} of the chain ({name}): the run was closed, and its {DIGESTS} is missing", close.number)
+            });
         }
         let began = self.lines.get(*self.begins.get(&name)?)?;
         matching::unlike_its_beginning(self, began)
@@ -256,7 +262,7 @@ impl ChainBook {
             && (first.number == 0 || first.before != NOTHING)
         {
             problems.push(format!(
-                "run {} ({}) has the first line, and the line says that another one stood before it",
+                "line {} of the chain ({}): it is the first one, and says that another one stood before it",
                 first.number, first.run
             ));
         }
@@ -270,7 +276,7 @@ impl ChainBook {
                 }
             } else if after.number != next || after.before != before.link {
                 problems.push(format!(
-                    "the chain is broken between run {} ({}) and run {} ({})",
+                    "the chain is broken between line {} ({}) and line {} ({})",
                     before.number, before.run, after.number, after.run
                 ));
             }
@@ -301,10 +307,14 @@ impl ChainBook {
     fn without_line(&self, closed: &[(String, bool)], has_key: bool, checked: &mut ChainCheck) {
         if self.is_empty() {
             if !closed.is_empty() {
-                checked.problems.push(format!(
-                    "{} runs are closed, and there is no chain: {COUNTER} and all chains are missing, or a version before the chain wrote these runs",
-                    closed.len()
-                ));
+                checked.problems.push(match closed.len() {
+                    1 => format!(
+                        "1 run is closed, and there is no chain: {COUNTER} and all chains are missing, or a version before the chain wrote this run"
+                    ),
+                    runs => format!(
+                        "{runs} runs are closed, and there is no chain: {COUNTER} and all chains are missing, or a version before the chain wrote these runs"
+                    ),
+                });
             }
             return;
         }
@@ -333,10 +343,14 @@ impl ChainBook {
                 )
             }));
         } else if let Some((first, _)) = before.first() {
-            checked.notes.push(format!(
-                "{} closed runs are older than the first line of the chain, so nothing shows when they were added; the first is {first}",
-                before.len()
-            ));
+            checked.notes.push(match before.len() {
+                1 => format!(
+                    "1 closed run is older than the first line of the chain, so nothing shows when it was added; it is {first}"
+                ),
+                runs => format!(
+                    "{runs} closed runs are older than the first line of the chain, so nothing shows when they were added; the first is {first}"
+                ),
+            });
         }
     }
 
@@ -378,7 +392,9 @@ impl ChainBook {
                 counted.number
             ));
         } else if self.lines.iter().any(|line| line.number == counted.number && line.link != counted.link) {
-            checked.problems.push(format!("run {} is not the run that {COUNTER} remembers", counted.number));
+            checked
+                .problems
+                .push(format!("line {} of the chain is not the one that {COUNTER} remembers", counted.number));
         } else if ends > counted.number {
             // A line counts when it is on disk, and the counter follows it.
             checked.incomplete.push(format!(
@@ -425,11 +441,11 @@ fn missing_between(before: &ChainEntry, after: &ChainEntry) -> String {
     let ((one, run), (other, its_run)) = ((before.number, &before.run), (after.number, &after.run));
     if first == last {
         format!(
-            "line {first} of the chain is missing, between run {one} ({run}) and run {other} ({its_run}): a day was moved away, or the line was removed"
+            "line {first} of the chain is missing, between line {one} ({run}) and line {other} ({its_run}): a day was moved away, or the line was removed"
         )
     } else {
         format!(
-            "lines {first} to {last} of the chain are missing, between run {one} ({run}) and run {other} ({its_run}): a day was moved away, or lines were removed"
+            "lines {first} to {last} of the chain are missing, between line {one} ({run}) and line {other} ({its_run}): a day was moved away, or lines were removed"
         )
     }
 }

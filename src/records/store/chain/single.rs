@@ -46,7 +46,8 @@ impl ChainBook {
                 (None, counted) => counted.as_ref().is_none_or(|counted| counted.number < line.number),
             };
             if !is_linked || !follows {
-                problems.push(format!("run {} ({}): the chain is broken beside its line", line.number, line.run));
+                problems
+                    .push(format!("line {} of the chain ({}): the chain is broken beside it", line.number, line.run));
             }
         }
         if let Some(line) = own.first() {
@@ -100,7 +101,7 @@ impl ChainBook {
                 .is_none_or(|before| Some(line.number) == before.number.checked_add(1) && line.before == before.link);
             if !line.is_true() || !follows {
                 return Some(format!(
-                    "{kept} does not witness run {} ({}): the chain is broken at line {} between the two",
+                    "{kept} does not witness line {} of the chain ({}): the chain is broken at line {} between the two",
                     from.number, from.run, line.number
                 ));
             }

@@ -86,7 +86,7 @@ fn a_run_that_was_removed_is_found() {
     fs::remove_dir_all(&runs[1]).expect("a run");
     check(
         &problems(folder.path()),
-        &["run 2 (2026-11-22/SN-1/120000-functional) was closed, and its folder is missing"],
+        &["line 2 of the chain (2026-11-22/SN-1/120000-functional): the run was closed, and its folder is missing"],
     );
 }
 
@@ -99,7 +99,7 @@ fn a_run_that_was_removed_with_its_line_is_found() {
     let lines = fs::read_to_string(&chain).expect("a chain");
     let rest: String = lines.lines().skip(1).map(|line| format!("{line}\n")).collect();
     fs::write(&chain, rest).expect("a chain");
-    check(&problems(folder.path()), &["line 2 of the chain is missing, between run 1"]);
+    check(&problems(folder.path()), &["line 2 of the chain is missing, between line 1"]);
 }
 
 #[test]
@@ -138,7 +138,7 @@ fn a_line_that_was_changed_is_found() {
     let forged = fs::read_to_string(&chain).expect("a chain").replace("SN-1", "SN-7");
     fs::write(&chain, forged).expect("a chain");
     let found = problems(folder.path());
-    assert!(found.iter().any(|problem| problem.contains("its line in the chain was changed")), "{found:?}");
+    assert!(found.iter().any(|problem| problem.contains("): it was changed")), "{found:?}");
 }
 
 /// The power fails after the line and before the counter: the next run follows the line.
