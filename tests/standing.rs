@@ -68,6 +68,40 @@ fn a_failed_plan_is_no_pass_for_the_next() {
     refused(&run(&place, "functional", &SIM), (&place, 1), "incoming failed ");
 }
 
+/// A module passed and then failed. The failed run is removed with its lines, and `COUNTER` remembers them: lists and the gate say so,
+/// and one more pass of the module counts again.
+#[test]
+fn lines_that_are_missing_behind_a_pass_close_the_gate_until_the_next_one() {
+    let place = place(CPU);
+    assert_eq!(run(&place, "incoming", &SIM).code, Some(0));
+    let day = place.runs()[0].ancestors().nth(2).expect("a day").to_owned();
+    let before = fs::read(day.join("CHAIN")).expect("a chain");
+    place.write("incoming.toml", &format!("name = \"incoming\"\nversion = \"1\"\n{NEVER}"));
+    assert_eq!(run(&place, "incoming", &SIM).code, Some(1));
+    let failed = place.runs().into_iter().find(|run| read_json(&run.join("run.json"))["outcome"] == "failed");
+    fs::remove_dir_all(failed.expect("the failed run")).expect("a folder");
+    fs::write(day.join("CHAIN"), before).expect("a chain");
+    let told = run(&place, "functional", &SIM);
+    assert_eq!(told.code, Some(3), "{}{}", told.stdout, told.stderr);
+    for said in [
+        "SIM-0001 has none that counts: incoming passed ",
+        ", simulated: later lines of the chain are missing or damaged",
+        "try: run that plan on this module again: a pass behind the missing lines counts",
+    ] {
+        assert!(told.stderr.contains(said), "{said}: {}", told.stderr);
+    }
+    let listed = |outcome| place.run(["records", "list", "--json", "--outcome", outcome]).stdout;
+    assert!(!listed("passed").contains("incoming"), "{}", listed("passed"));
+    assert!(listed("lines_missing").contains("\"seal\":\"lines_missing\""), "{}", listed("lines_missing"));
+    // Of its own accord nothing closes the hole, and `verify` names it for ever.
+    place.write("incoming.toml", &format!("name = \"incoming\"\nversion = \"1\"\n{CPU}"));
+    assert_eq!(run(&place, "incoming", &SIM).code, Some(0));
+    assert_eq!(run(&place, "functional", &SIM).code, Some(0));
+    let verified = place.run(["records", "verify"]);
+    assert!(verified.code == Some(1) && verified.stdout.contains("are missing, between line 2"), "{}", verified.stdout);
+    assert_eq!(listed("passed").matches("\"plan\":\"incoming\"").count(), 1, "{}", listed("passed"));
+}
+
 /// A module passed and then failed. Whoever removes the folder of the failed run does not open the gate: the chain names it.
 /// The report for CI servers tells of the refusal.
 #[test]

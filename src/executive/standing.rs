@@ -74,6 +74,8 @@ pub enum Flaw {
     NotInChain,
     /// The station ended before the run was in the chain, and a later start put it there.
     ClosedLate,
+    /// Lines of the chain behind the run are missing or damaged: what came after it is not known.
+    LinesMissing,
     /// The record is not as it was closed, or its line in the chain was changed.
     Changed,
     /// The bench has a key, and neither this key nor another one that the bench trusts signed the run and its lines.
@@ -115,6 +117,7 @@ impl Flaw {
             Self::Interrupted => "interrupted",
             Self::NotInChain => "not in the chain",
             Self::ClosedLate => "closed late",
+            Self::LinesMissing => "later lines of the chain are missing or damaged",
             Self::Changed => "record was changed",
             Self::Unsigned => "not signed by a key that this bench trusts",
             Self::Unwitnessed => "from before the key, and no signed run came after it",
@@ -336,6 +339,9 @@ impl Standing {
     /// What an operator can do so that a run of this plan counts.
     pub fn try_this(&self) -> &'static str {
         let has = |flaw| self.beside.iter().any(|run| run.flaws.contains(&flaw));
+        if has(Flaw::LinesMissing) {
+            return "run that plan on this module again: a pass behind the missing lines counts; `gnc-station records verify` names them";
+        }
         if has(Flaw::Unwitnessed) {
             "carry out any run with the key of this bench: its signed line covers the runs before it; then try again"
         } else if has(Flaw::Unsigned) {

@@ -69,8 +69,13 @@ pub fn read(records: &Path, question: &Question<'_>, keys: &[PublicKey]) -> Resu
     }
     let found = doubt(&after, question, &mut seals)?;
     let against = found.clone().filter(voids).or_else(|| missing.into_iter().find(voids));
-    standing.beside = against.or(found).or(newest_gone);
-    standing.counts = counted.map(|(_, _, run)| run);
+    match counted.map(|(_, _, run)| run) {
+        Some(passed) if !passed.flaws.is_empty() => standing.beside = against.or(Some(passed)),
+        counts => {
+            standing.beside = against.or(found).or(newest_gone);
+            standing.counts = counts;
+        }
+    }
     Ok(standing)
 }
 
@@ -83,7 +88,8 @@ fn days_of_passes(question: &Question<'_>) -> RangeInclusive<NaiveDate> {
 /// What the chain says of the runs of a module.
 #[derive(Default)]
 struct Closed {
-    /// The newest run that counts, with its number and folder.
+    /// The newest run that counts, with its number and folder. If it is a pass and the chain lacks lines behind it, it has this flaw:
+    /// neither it nor an older pass counts.
     counted: Option<(u64, PathBuf, PastRun)>,
     /// The runs that were closed after that one, with their numbers.
     later: Vec<(u64, PathBuf)>,
@@ -119,6 +125,9 @@ fn closed(records: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Res
             let flaws = facts.flaws(question);
             // Digests and signatures are compared only where everything else is right.
             if flaws.is_empty() && seals.seal(&folder)? == Seal::Chained && seals.unsigned(&folder)?.is_none() {
+                let is_good = facts.verdict.is_some_and(|verdict| verdict.of_items().is_good());
+                let lacks_lines = is_good && seals.lacks_lines_behind(&folder)?;
+                let flaws = if lacks_lines { vec![Flaw::LinesMissing] } else { flaws };
                 found.counted = Some((number, folder, PastRun::new(&facts, flaws)));
                 break;
             }

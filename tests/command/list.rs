@@ -163,7 +163,7 @@ fn a_run_that_goes_on_is_called_running() {
     assert!(all.stdout.contains("1 of 1 runs are as written") && all.stdout.contains("running: "), "{}", all.stdout);
     let one = place.run(["records", "verify", "T-9"]);
     assert_eq!(one.code, Some(2), "{}{}", one.stdout, one.stderr);
-    assert!(one.stderr.contains("1 of these runs go on"), "{}", one.stderr);
+    assert!(one.stderr.contains("1 of these runs goes on"), "{}", one.stderr);
     let doctor = place.run(["doctor"]);
     assert!(!doctor.stdout.contains("have no end"), "{}", doctor.stdout);
 

@@ -338,6 +338,11 @@ fn an_emptied_run_is_a_finding() {
     for witness in [vec![run.to_owned()], Vec::new()] {
         let (code, said) = asked(&records, &witness);
         assert_eq!(code, 1, "{said}");
-        assert!(said.contains(&format!("{run}: run 4 ({run}) was closed, and its SHA256SUMS is missing")), "{said}");
+        assert!(
+            said.contains(&format!(
+                "{run}: line 4 of the chain ({run}): the run was closed, and its SHA256SUMS is missing"
+            )),
+            "{said}"
+        );
     }
 }

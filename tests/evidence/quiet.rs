@@ -44,7 +44,12 @@ fn a_module_is_not_verified_without_its_runs() {
     for asked_for in ["T-2", FAILED, &name, &format!("{name}/")] {
         let (code, said) = asked(&records, &[asked_for.to_owned()]);
         assert_eq!(code, 1, "{asked_for}: {said}");
-        assert!(said.contains(&format!("chain: run 4 ({FAILED}) was closed, and its folder is missing\n")), "{said}");
+        assert!(
+            said.contains(&format!(
+                "chain: line 4 of the chain ({FAILED}): the run was closed, and its folder is missing\n"
+            )),
+            "{said}"
+        );
     }
     let (code, said) = asked(&records, &["T-1".to_owned()]);
     assert_eq!(code, 0, "another module: {said}");
@@ -53,6 +58,63 @@ fn a_module_is_not_verified_without_its_runs() {
     let (code, said) = asked(&records, &["T-3".to_owned()]);
     assert!(code == 1 && said.contains("was closed, and its folder is missing"), "{said}");
     assert_eq!(asked(&records, &["T-4".to_owned()]).0, 2);
+}
+
+/// An auditor gets the folder of one run by mail. Its files agree with each other in any case; that its station wrote them, its key alone
+/// shows.
+#[test]
+fn a_run_that_was_sent_alone_is_proved_by_its_key() {
+    let kept = Kept::new();
+    let place = tempfile::tempdir().expect("a folder");
+    let sent = place.path().join("mail/T-2/091000-small");
+    plant(&tree(&kept.records().join(FAILED)).expect("a run"), &sent).expect("a copy");
+    let name = sent.to_string_lossy().into_owned();
+    let key = || ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned(), name.clone()];
+    let said =
+        |(code, said): (i32, String)| format!("{code}\n{}", said.replace(&place.path().display().to_string(), "PLACE"));
+    insta::assert_snapshot!("sent_alone", said(asked(&kept.records(), std::slice::from_ref(&name))));
+    insta::assert_snapshot!("sent_alone_with_its_key", said(asked(&kept.records(), &key())));
+    // A file is exchanged with its digest, and the signature taken away.
+    fs::write(sent.join("log.txt"), "passed").expect("a log");
+    assert_eq!(asked(&kept.records(), std::slice::from_ref(&name)).0, 1);
+    crate::attack::sums_anew(place.path()).expect("digests");
+    assert_eq!(asked(&kept.records(), &key()).0, 1);
+    fs::remove_file(sent.join("SHA256SUMS.sig")).expect("a signature");
+    assert_eq!(asked(&kept.records(), &key()).0, 1);
+}
+
+/// A run that was killed is moved into the folder of another module, or its capture is exchanged: verify names it, whether all runs are asked
+/// for or that module alone, and calls it no run that the next start mends.
+#[test]
+fn a_killed_run_that_was_moved_is_a_finding() {
+    let kept = Kept::with_a_killed_run();
+    let (_place, records) = copied(&kept);
+    let (code, said) = asked(&records, &["T-4".to_owned()]);
+    assert_eq!(code, 3, "as the kill left it: {said}");
+    fs::create_dir_all(records.join("2026-11-29/T-3")).expect("a module");
+    fs::rename(records.join("2026-11-29/T-4/090000-small"), records.join("2026-11-29/T-3/090000-small"))
+        .expect("a run");
+    let told = "the journal names the serial number \"T-4\", and the folder is not that of its module";
+    for asked_for in [Vec::new(), vec!["T-3".to_owned()], vec!["2026-11-29/T-3/090000-small".to_owned()]] {
+        let (code, said) = asked(&records, &asked_for);
+        assert!(code == 1 && said.contains(told), "{asked_for:?}: {code} {said}");
+    }
+    let (_place, records) = copied(&kept);
+    fs::write(records.join("2026-11-29/T-4/090000-small/01-cpu/attempt-1.mcap"), "x").expect("a capture");
+    let (code, said) = asked(&records, &["T-4".to_owned()]);
+    assert!(code == 1 && said.contains("is not the one that was captured"), "{code} {said}");
+}
+
+/// One module is verified by its number, and strangers stand among its runs.
+#[test]
+fn a_module_is_not_verified_with_strangers_in_it() {
+    let kept = Kept::new();
+    let (_place, records) = copied(&kept);
+    fs::write(records.join("2026-11-28/T-2/notes.txt"), "x").expect("a file");
+    let (code, said) = asked(&records, &["T-2".to_owned()]);
+    let told = "chain: 2026-11-28/T-2/notes.txt was added: no station writes it there\n";
+    assert!(code == 1 && said.contains(told), "{said}");
+    assert_eq!(asked(&records, &["T-1".to_owned()]).0, 0);
 }
 
 /// A folder is planted, and a program holds its lock as a station does.

@@ -19,7 +19,7 @@ pub(crate) struct Row {
     pub(crate) found: [bool; 4],
 }
 
-pub(crate) const ROWS: [Row; 22] = [
+pub(crate) const ROWS: [Row; 23] = [
     Row { what: "A byte of a file of a run is changed", attack: byte, found: [true; 4] },
     Row { what: "A file is removed from a run, or added to it", attack: removed_file, found: [true; 4] },
     Row {
@@ -35,6 +35,11 @@ pub(crate) const ROWS: [Row; 22] = [
     Row {
         what: "A passport, a plan or the file of an item is exchanged, and all else is made anew",
         attack: planted,
+        found: [true; 4],
+    },
+    Row {
+        what: "The verdict in the log and the report of a failed run is exchanged, and all else is made anew",
+        attack: papers,
         found: [true; 4],
     },
     Row { what: "A failed run is removed", attack: |records| failed_away(records, false), found: [true; 4] },
@@ -216,7 +221,12 @@ fn chain_of_all_anew(records: &Path) {
 fn verdict(records: &Path, anew: bool) {
     replace(
         &records.join(FAILED),
-        &[("failed", "passed"), ("\"value\":1.0", "\"value\":0.0"), ("\"value\": 1.0", "\"value\": 0.0")],
+        &[
+            ("failed", "passed"),
+            ("FAILED", "PASSED"),
+            ("\"value\":1.0", "\"value\":0.0"),
+            ("\"value\": 1.0", "\"value\": 0.0"),
+        ],
     );
     sums_anew(records).expect("digests");
     if anew {
@@ -229,6 +239,16 @@ fn planted(records: &Path) {
     fs::write(failed.join("passport.json"), "{ \"origin\": { \"outcome\": \"passed\" } }").expect("a passport");
     replace(&failed.join("01-cpu"), &[("failed", "passed")]);
     replace(&failed.join("plan"), &[("== 0", ">= 0")]);
+    chain_of_all_anew(records);
+}
+
+fn papers(records: &Path) {
+    for file in ["log.txt", "report.html"] {
+        let path = records.join(FAILED).join(file);
+        let text = fs::read_to_string(&path).expect("a paper");
+        assert!(text.contains("FAILED"), "{text}");
+        fs::write(path, text.replace("FAILED", "PASSED")).expect("a paper");
+    }
     chain_of_all_anew(records);
 }
 

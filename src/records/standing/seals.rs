@@ -5,7 +5,7 @@ use std::path::Path;
 
 use gnc_executive::standing::{Flaw, Seal};
 
-use crate::store::chain::{DayLinks, OpenRun, Witnessed};
+use crate::store::chain::{DayLinks, OpenRun, RunLink, WholeEnd, Witnessed};
 use crate::store::digest::{self, FileDigests, MAX_DIGESTS_BYTES};
 use crate::store::reader::{MAX_JOURNAL_BYTES, MAX_RECORD_BYTES};
 use crate::store::{self, DIGESTS, JOURNAL, PublicKey, RECORD, StoreError, as_written, chain, pending, reader};
@@ -18,12 +18,14 @@ pub struct Seals<'a> {
     days: HashMap<String, DayLinks>,
     /// The lines from before the first signed one that this one covers. Looked for once, and only for a run without signatures.
     witnessed: Option<Witnessed>,
+    /// The end of the chain, as far back as a run asked for it.
+    end: Option<WholeEnd>,
 }
 
 impl<'a> Seals<'a> {
     /// Nothing is read yet.
     pub fn new(records: &'a Path) -> Self {
-        Self { records, keys: &[], days: HashMap::new(), witnessed: None }
+        Self { records, keys: &[], days: HashMap::new(), witnessed: None, end: None }
     }
 
     /// The same with the keys of the stations whose runs count.
@@ -110,6 +112,27 @@ impl<'a> Seals<'a> {
             lines if unsigned.iter().all(|number| lines.covers(*number)) => None,
             _ => Some(Flaw::Unsigned),
         })
+    }
+
+    /// Whether lines of the chain behind the beginning of a closed run are known to be missing or damaged. What they said is not
+    /// known, so it may be a failure of the same module: no pass before them counts. Once it was tested again, nothing is missing
+    /// behind the new run.
+    ///
+    /// # Errors
+    /// The records folder cannot be read.
+    pub fn lacks_lines_behind(&mut self, run: &Path) -> Result<bool, StoreError> {
+        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
+        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let Some(first) = self.day(&day)?.find(&name).map(RunLink::first_number) else { return Ok(false) };
+        let known = self.end.and_then(|end| end.is_whole_from(first));
+        let is_whole = match known {
+            Some(known) => known,
+            None => {
+                let end = self.end.insert(WholeEnd::read(self.records, &day, first)?);
+                end.is_whole_from(first).unwrap_or(false)
+            }
+        };
+        Ok(!is_whole)
     }
 
     /// Whether the record of a run is known to be another one than was closed, or began: the chain names it, and its digests are

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 
 mod apart;
 mod hidden;
+mod holes;
 mod signed;
 
 use super::*;

@@ -1,6 +1,8 @@
 //! Whether the files of a run say what its journal says. A station makes them from the journal and only then the digests; a
 //! file that was put there before that stands under digests that fit.
 
+mod verdict;
+
 use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -37,6 +39,9 @@ pub(super) fn unlike(run: &Path, state: RunState, record_sha256: &str, known: &K
         .is_some_and(|(stored, folded)| folded.clone().closed_like(stored) == *stored);
     if !is_same && !is_unread {
         problems.push(format!("{RECORD} does not say what {JOURNAL} says"));
+    }
+    if let Some(stored) = stored.filter(|_| is_same) {
+        problems.extend(verdict::unlike(run, &stored, known));
     }
     problems.extend(record.and_then(|record| passport(run, &record, record_sha256, known)));
     problems

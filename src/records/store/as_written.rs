@@ -153,7 +153,6 @@ pub fn verify_captured(folder: &Path, keys: &[PublicKey]) -> Vec<String> {
 /// `is_ours`: the caller holds the run, so that no station writes it.
 fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     let only = |problem: String| Ok(Verified { problems: vec![problem], ..Verified::default() });
-    let incomplete = |what: String, newer| Ok(Verified { incomplete: Some(what), newer, ..Verified::default() });
     let path = folder.join(DIGESTS);
     // Looked at before the journal is read: a run that ends meanwhile has its digests then.
     let is_under_way = || !path.exists() || !pending::waiting(folder).is_empty();
@@ -185,14 +184,16 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
                 )
             },
         );
-        let problems = captured::unlike(folder);
+        let mut problems = captured::unlike(folder);
+        problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
         return Ok(Verified { problems, incomplete: Some(what), newer, ..Verified::default() });
     }
     if !path.exists() {
         let problem = format!(
             "ended and not closed, so it cannot be verified: {DIGESTS} is missing; if its station ended too early, or could not write, its next start closes the run late"
         );
-        return incomplete(problem, newer);
+        let problems: Vec<String> = state.as_ref().and_then(|state| names::unlike(folder, state)).into_iter().collect();
+        return Ok(Verified { problems, incomplete: Some(problem), newer, ..Verified::default() });
     }
     let (sums, bad) = FileDigests::read(folder)?;
     let mut problems = vec![format!("{DIGESTS} holds a line that is not a digest"); bad];
@@ -245,12 +246,17 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     }
     let mut only_litter = false;
     match renamed {
-        Some((was, is)) => problems.push(format!(
-            "{} files have other names, {} is {}: the run was copied to a file system that changes names",
-            added.len(),
-            gnc_text::shown_path(&was),
-            gnc_text::shown_path(&is)
-        )),
+        Some((was, is)) => {
+            let (was, is) = (gnc_text::shown_path(&was), gnc_text::shown_path(&is));
+            problems.push(match added.len() {
+                1 => format!(
+                    "1 file has another name, {was} is {is}: the run was copied to a file system that changes names"
+                ),
+                files => format!(
+                    "{files} files have other names, {was} is {is}: the run was copied to a file system that changes names"
+                ),
+            });
+        }
         None => {
             // A start that closes the run leaves files of strangers out: they are no reason to leave the run open.
             if is_ours {

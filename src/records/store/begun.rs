@@ -42,11 +42,13 @@ pub(super) fn strangers(run: &Path) -> Option<String> {
     }
     let others = others(run, |_| true).ok()?;
     let first = others.first()?;
-    Some(format!(
-        "no run began here, and {} other files are in its folder, the first is {}: no station writes them there",
-        others.len(),
-        gnc_text::shown_path(first)
-    ))
+    let first = gnc_text::shown_path(first);
+    Some(match others.len() {
+        1 => format!("no run began here, and 1 other file is in its folder, {first}: no station writes it there"),
+        others => format!(
+            "no run began here, and {others} other files are in its folder, the first is {first}: no station writes them there"
+        ),
+    })
 }
 
 /// All files but those that a station writes before a run begins.

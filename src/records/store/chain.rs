@@ -27,6 +27,7 @@ mod begin;
 mod beginning;
 mod check;
 mod contradictions;
+mod copies;
 mod entry;
 mod links;
 mod matching;
@@ -36,8 +37,10 @@ mod places;
 mod read;
 mod signed;
 mod single;
+mod snapshot;
 mod tail;
 mod times;
+mod whole;
 
 pub(crate) use apart::{apart, last_line, last_number};
 #[cfg(test)]
@@ -53,11 +56,12 @@ pub use check::{Against, ChainBook, ChainCheck, Head, verify, verify_against};
 pub(crate) use entry::Scribe;
 pub use entry::{LateClose, Place};
 pub use links::{ChainStanding, LateCloses, standing};
-pub(crate) use links::{DayLinks, OpenRun, is_close_signed_by, of_day};
+pub(crate) use links::{DayLinks, OpenRun, RunLink, is_close_signed_by, of_day};
 pub(in crate::store) use mend::mend;
 pub(crate) use order::by_close;
 pub(crate) use signed::Witnessed;
 pub use single::is_signed_beside;
+pub(crate) use whole::WholeEnd;
 
 /// The file of the chain in a day's folder.
 pub(crate) const CHAIN: &str = "CHAIN";

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest as _, Sha256};
@@ -202,6 +202,35 @@ impl FileDigests {
 
     fn line(file: &Path, digest: &str) -> String {
         format!("{digest}  {}\n", file.display())
+    }
+}
+
+/// Digests what is written on its way to a file: what stands there later may have been exchanged.
+pub(crate) struct Digesting<'a> {
+    out: &'a mut dyn Write,
+    hasher: Sha256,
+}
+
+impl<'a> Digesting<'a> {
+    pub(crate) fn new(out: &'a mut dyn Write) -> Self {
+        Self { out, hasher: Sha256::new() }
+    }
+
+    /// The digest of what was written.
+    pub(crate) fn digest(self) -> String {
+        hexadecimal(&self.hasher.finalize())
+    }
+}
+
+impl Write for Digesting<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.hasher.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
     }
 }
 

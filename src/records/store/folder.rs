@@ -216,15 +216,22 @@ impl RunFolder {
         sync_dir(self.path().join(name).parent().unwrap_or(self.path()))
     }
 
-    /// Writes a complete file that gets its name later, and returns its digest.
+    /// Writes a complete file that gets its name later, and returns the digest of what was written.
     pub(super) fn put_waiting(
         &self,
         name: &str,
         write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
     ) -> Result<String, StoreError> {
-        let (part, named) = self.written(name, write, false)?;
+        let mut digest = String::new();
+        let digesting = |out: &mut dyn io::Write| {
+            let mut out = digest::Digesting::new(out);
+            write(&mut out)?;
+            digest = out.digest();
+            Ok(())
+        };
+        let (part, _) = self.written(name, digesting, false)?;
         part.leave();
-        digest::of_file(&named)
+        Ok(digest)
     }
 
     /// Waits until all written files are on disk.
@@ -312,6 +319,22 @@ mod tests {
         drop(folder);
         drop(held);
         assert_eq!(look(), (Found::Unreadable, false), "its station has died");
+    }
+
+    /// A paper is exchanged while it is written: its digest is that of what the station wrote, so the exchange is found.
+    #[test]
+    fn the_digest_of_a_paper_is_that_of_what_was_written() {
+        let records = tempfile::tempdir().unwrap();
+        let at = DateTime::parse_from_rfc3339("2026-11-28T12:00:00+08:00").unwrap();
+        let folder = RunFolder::create(records.path(), at, "SN", "functional").unwrap();
+        let waiting = folder.path().join(crate::store::pending::waiting_name("log.txt"));
+        let digest = folder.put_waiting("log.txt", |out| {
+            out.write_all(b"failed")?;
+            fs::remove_file(&waiting)?;
+            fs::write(&waiting, "passed")
+        });
+        assert_eq!(digest.unwrap(), digest::of_bytes(b"failed"));
+        assert_eq!(fs::read_to_string(waiting).unwrap(), "passed");
     }
 
     /// The folder of the run, of its module or of its day is exchanged for a link while the run goes on, or before: nothing is

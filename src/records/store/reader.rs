@@ -252,6 +252,18 @@ fn paths_wanted(records: &Path, wanted: Wanted<'_>) -> Result<Vec<PathBuf>, Stor
     Ok(chain::by_close(records, runs))
 }
 
+/// Runs that stand among those of a module and whose journals name another one: they were moved there. Two serial numbers may share one
+/// folder, and such runs are none of these.
+#[must_use]
+pub fn moved_among(records: &Path, serial_number: &str) -> Vec<PathBuf> {
+    let wanted = Wanted { serial_number: Some(serial_number), ..Wanted::default() };
+    let is_elsewhere = |path: &PathBuf| {
+        let folder = path.parent().map(name_of).unwrap_or_default();
+        read(path).is_ok_and(|run| !folders_of(&run.serial_number).contains(&folder))
+    };
+    paths_wanted(records, wanted).unwrap_or_default().into_iter().filter(is_elsewhere).collect()
+}
+
 /// The days that have records, oldest first, each with its number of serial numbers.
 ///
 /// # Errors
@@ -341,6 +353,12 @@ pub fn newest_of_module(records: &Path, serial_number: &str) -> impl Iterator<It
 /// The day in whose folder a run stands.
 pub(crate) fn day_of_run(run: &Path) -> Option<NaiveDate> {
     run.ancestors().nth(2).and_then(day_of)
+}
+
+/// Whether a run stands in the folder of a day, as in a records folder.
+#[must_use]
+pub fn stands_in_a_day(run: &Path) -> bool {
+    std::path::absolute(run).is_ok_and(|run| day_of_run(&run).is_some())
 }
 
 /// The runs of a day whose module was not the scanned one, in no order. What of them concerns the scanned one, their records

@@ -147,10 +147,16 @@ pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
     }
 }
 
-/// How the record of a closed run is kept; `None` for a run that is not closed.
+/// How the record of a closed run is kept; `None` for a run that is not closed. A pass counts only if no later line of the chain is
+/// known to be missing: it may be that of a failure.
 fn kept(found: &FoundRun, seals: &mut Seals<'_>) -> io::Result<Option<Seal>> {
-    let closed = found.state() == Found::Closed;
-    closed.then(|| seals.seal(&found.path)).transpose().map_err(io::Error::other)
+    if found.state() != Found::Closed {
+        return Ok(None);
+    }
+    let seal = seals.seal(&found.path).map_err(io::Error::other)?;
+    let is_pass = seal == Seal::Chained && verdict(found).is_some_and(|verdict| verdict.of_items().is_good());
+    let lacks_lines = is_pass && seals.lacks_lines_behind(&found.path).map_err(io::Error::other)?;
+    Ok(Some(if lacks_lines { Seal::Flawed(Flaw::LinesMissing) } else { seal }))
 }
 
 fn as_json(mut out: impl Write, records: &Path, runs: impl Iterator<Item = FoundRun>) -> io::Result<()> {

@@ -25,6 +25,9 @@ const INCOMPLETE: u8 = 3;
 /// What to say of a closed run that was copied alone, or whose chain was taken away.
 const NO_CHAIN: &str = "no chain stands beside it: its number, time and place are not proved";
 
+/// What to say of a closed run that was copied alone, if the key signed its digests.
+const SIGNED_ALONE: &str = "the key signed its files; no chain stands beside it: its number and its place are not proved, and nothing shows what came after it";
+
 /// Longest copy of `COUNTER` that is read: it is one line, and people may have written beside it.
 const MAX_COUNTER_BYTES: u64 = 4096;
 
@@ -95,7 +98,10 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         None => {
             let mut folders = Vec::new();
             for run in runs {
-                let (found, place) = resolve_in(records, run)?;
+                let (mut found, place) = resolve_in(records, run)?;
+                if let Some((place, number)) = place.as_ref().zip(run.to_str()) {
+                    found.extend(reader::moved_among(&place.path, number));
+                }
                 let told = place.as_ref().and_then(|place| of_named(&place.path, run));
                 if found.is_empty() && told.is_none() {
                     return Ok(no_such(run, place.as_ref()));
@@ -107,7 +113,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         }
     };
     let (mut bad, mut newer, mut running, mut never_begun, mut incomplete) = (0, 0, 0, 0, 0);
-    let mut littered = 0;
+    let (mut littered, mut unproved) = (0, 0);
     let mut late_closes = LateCloses::default();
     let mut books = Books::default();
     // The whole chain is told behind the runs.
@@ -143,8 +149,12 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             continue;
         }
         if let Some(what) = found.incomplete.take() {
-            incomplete += 1;
-            out.say_of(&place.to_string(), printable(&what));
+            // Of what was changed as well, the next start mends nothing.
+            bad += usize::from(!found.problems.is_empty());
+            incomplete += usize::from(found.problems.is_empty());
+            for what in [what].iter().chain(&found.problems) {
+                out.say_of(&place.to_string(), printable(what));
+            }
             continue;
         }
         let of_folder = found.problems.len();
@@ -177,8 +187,10 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         // Where no run is named, the chain is told behind the runs.
         let is_alone =
             all.is_none() && reader::is_sealed(folder) && books.of(folder).is_none_or(|(_, book)| book.is_empty());
-        // Each signed run got a line of the chain.
-        let lost_its_chain = is_alone && !against.keys.is_empty() && as_written::is_signed(folder);
+        // Each signed run got a line of the chain. One that was sent alone stands in no day, and the key signed its digests.
+        let is_in_a_day = is_alone && reader::stands_in_a_day(folder);
+        let is_signed = !against.keys.is_empty() && as_written::is_signed(folder);
+        let lost_its_chain = is_in_a_day && is_signed;
         found.problems.extend(lost_its_chain.then(|| NO_CHAIN.to_owned()));
         let whole = found.problems.is_empty();
         // A chain that cannot be read is told with the chain.
@@ -200,7 +212,9 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             out.say(format_args!("{place}: as written; {why}"));
         }
         if is_alone && !lost_its_chain {
-            out.say_of(&place.to_string(), printable(NO_CHAIN));
+            let told = if is_signed && whole { SIGNED_ALONE } else { NO_CHAIN };
+            out.say_of(&place.to_string(), printable(told));
+            unproved += usize::from(whole && !is_signed);
         }
         for problem in &found.problems {
             out.say_of(&place.to_string(), printable(problem));
@@ -237,7 +251,11 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         for what in checked.incomplete.iter().chain(&checked.problems).filter(|what| told.insert(what.as_str())) {
             out.say_of(&out.wording.text("chain"), printable(what));
         }
-        bad += checked.problems.len();
+        for what in checked.litter.iter().chain(&checked.notes).filter(|what| told.insert(what.as_str())) {
+            out.say_of(&out.wording.text("chain"), printable(what));
+        }
+        bad += checked.problems.len() + checked.litter.len();
+        littered += checked.litter.len();
         incomplete += checked.incomplete.len();
     }
     let signed = chain.as_ref().map_or(0, |checked| checked.signed);
@@ -275,9 +293,19 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         );
         return Ok(refuse(what, "verify them with that version, or a later one"));
     }
+    if unproved > 0 {
+        return Ok(refuse(
+            "the files of a run that was named agree with each other, and nothing shows that a station wrote them",
+            "give the public key of its station with --key FILE, or verify the run in its records folder",
+        ));
+    }
     // Who verifies all runs of a station that works gets no alarm; who names a run wants to know about that one.
     if running > 0 && all.is_none() {
-        return Ok(refuse(format_args!("{running} of these runs go on"), "verify them when they have ended"));
+        let what = match running {
+            1 => "1 of these runs goes on".to_owned(),
+            running => format!("{running} of these runs go on"),
+        };
+        return Ok(refuse(what, "verify them when they have ended"));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -288,7 +316,7 @@ fn of_named(records: &Path, named: &Path) -> Option<ChainCheck> {
     let path = std::path::absolute(records).ok()?;
     let name = std::path::absolute(named).ok().and_then(|whole| Some(whole.strip_prefix(&path).ok()?.to_owned()));
     let name = name.unwrap_or_else(|| named.to_owned());
-    ChainBook::read_held(&path).ok()?.of_named(name.to_str()?.trim_end_matches('/'))
+    ChainBook::read(&path).ok()?.of_named(name.to_str()?.trim_end_matches('/'))
 }
 
 /// What the chain says against a run whose folder is held: a run that began has its line before it holds more than its beginning. The chain
@@ -327,11 +355,14 @@ fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) 
     let ChainCheck { runs, first, problems, incomplete, notes, late, litter, signed: _ } = checked;
     if problems.is_empty() && incomplete.is_empty() && *runs > 0 {
         let elsewhere = if *first > 1 {
-            format!(" from run {first} on; earlier runs are not in this folder")
+            format!(" from line {first} on; earlier lines are not in this folder")
         } else {
             String::new()
         };
-        out.say(format_args!("the chain of {runs} closed runs is whole{elsewhere}"));
+        match runs {
+            1 => out.say(format_args!("the chain of 1 closed run is whole{elsewhere}")),
+            runs => out.say(format_args!("the chain of {runs} closed runs is whole{elsewhere}")),
+        }
     }
     match late {
         0 => {}

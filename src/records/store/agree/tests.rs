@@ -24,6 +24,11 @@ fn run() -> (tempfile::TempDir, PathBuf) {
     fs::write(run.join("01-cpu").join(ITEM), serde_json::to_string(&item).unwrap()).unwrap();
     let record = RunRecord::from_state(&state).unwrap();
     fs::write(run.join(RECORD), serde_json::to_string(&record).unwrap()).unwrap();
+    fs::write(run.join("log.txt"), gnc_executive::text::log_txt(&record)).unwrap();
+    let mut report = Vec::new();
+    let passport = passport::of_run(&record, "ab", None);
+    crate::report::html(&mut report, &record, &passport, &[], None, None).unwrap();
+    fs::write(run.join("report.html"), report).unwrap();
     (place, run)
 }
 
@@ -108,6 +113,23 @@ fn files_that_say_something_else_are_named() {
     assert_eq!(found(|run| fs::write(run.join("plan/02-more.toml"), "x").unwrap()), [plan]);
     let record = "run.json does not say what events.jsonl says";
     assert_eq!(found(|run| edit(run, RECORD, "SN-1", "SN-2")), [record]);
+    for (file, from, to) in [
+        ("log.txt", "\nPASSED ", "\nFAILED "),
+        ("log.txt", "\nPASSED ", "\nNOT RUN "),
+        ("log.txt", "\nPASSED ", "\nPARTIAL "),
+        ("report.html", "<h1>PASSED ", "<h1>ERRORED "),
+        ("report.html", "<h1>PASSED ", "<h1>INTERRUPTED "),
+    ] {
+        assert_eq!(
+            found(|run| edit(run, file, from, to)),
+            [format!("{file} does not say what events.jsonl says")],
+            "{to}"
+        );
+    }
+    // A version that writes its papers otherwise.
+    for (file, from) in [("log.txt", "\nPASSED "), ("report.html", "<h1>PASSED ")] {
+        assert_eq!(found(|run| edit(run, file, from, "\nVerdict: good ")), Vec::<String>::new());
+    }
     for file in
         ["01-cpu/attempt-3.mcap", "02-imu/attempt-1.mcap", "x.mcap", "01-cpu/attempt-0.mcap", "00-x/attempt-1.mcap"]
     {

@@ -119,12 +119,26 @@ pub(super) fn lock(records: &Path) -> Result<File, StoreError> {
     lock_within(records, LOCKED_FOR)
 }
 
-#[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
+/// Takes the lock for readers: any number of them at a time, and no station writes meanwhile. Who holds it keeps stations from beginning
+/// and closing runs, so it is for moments alone.
+pub(super) fn lock_shared(records: &Path) -> Result<File, StoreError> {
+    wait_for(records, LOCKED_FOR, File::try_lock_shared)
+}
+
 pub(super) fn lock_within(records: &Path, wait: Duration) -> Result<File, StoreError> {
+    wait_for(records, wait, File::try_lock)
+}
+
+#[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
+fn wait_for(
+    records: &Path,
+    wait: Duration,
+    try_lock: fn(&File) -> Result<(), TryLockError>,
+) -> Result<File, StoreError> {
     let began = Instant::now();
     let folder = on(File::open(records), "read", records)?;
     loop {
-        match folder.try_lock() {
+        match try_lock(&folder) {
             Ok(()) => return Ok(folder),
             Err(TryLockError::WouldBlock) if began.elapsed() < wait => {}
             Err(TryLockError::WouldBlock) => {

@@ -4,6 +4,7 @@
 mod forge;
 mod quiet;
 mod shelf;
+mod strangers;
 
 use std::fs;
 
@@ -253,7 +254,7 @@ fn a_clock_that_is_set_back_is_a_note() {
     assert_eq!(
         shelf.notes(),
         [
-            "the clock was set back: run 9 (2026-11-22/C/090000-functional) is of 2026-11-22 09:00:00, and run 8 before it of 2026-11-22 15:00:09"
+            "the clock was set back: line 9 of the chain (2026-11-22/C/090000-functional) is of 2026-11-22 09:00:00, and line 8 before it of 2026-11-22 15:00:09"
         ]
     );
 }
@@ -335,7 +336,9 @@ fn a_witness_of_one_run_is_tied_to_it() {
     Forge::read(&shelf).redigest(&shelf).write_first(&shelf, 5);
     assert_eq!(
         found(&shelf, &shelf.counter),
-        [format!("counter.txt does not witness run 3 ({run}): the chain is broken at line 6 between the two")]
+        [format!(
+            "counter.txt does not witness line 3 of the chain ({run}): the chain is broken at line 6 between the two"
+        )]
     );
     // What was kept before the run says nothing of it.
     assert_eq!(found(&shelf, &early), Vec::<String>::new());
@@ -357,8 +360,14 @@ fn an_emptied_run_is_not_one_that_never_began() {
         fs::write(run.join("events.jsonl"), "").unwrap();
         assert!(crate::store::as_written::check(&run).never_begun);
     }
-    assert_eq!(of(closed).unwrap(), format!("run 4 ({closed}) was closed, and its SHA256SUMS is missing"));
-    assert_eq!(of(&open).unwrap(), format!("run 9 ({open}): its journal does not begin as it did when the run began"));
+    assert_eq!(
+        of(closed).unwrap(),
+        format!("line 4 of the chain ({closed}): the run was closed, and its SHA256SUMS is missing")
+    );
+    assert_eq!(
+        of(&open).unwrap(),
+        format!("line 9 of the chain ({open}): the journal does not begin as it did when the run began")
+    );
     assert_eq!(of("2026-11-22/A/170000-functional"), None);
 }
 

@@ -137,9 +137,14 @@ impl Before {
         let name = name_in(records, run);
         let (day, _) = day_and_time(&name);
         if let Some(count) = self.unreadable.get(day) {
-            return Some(format!(
-                "the chain of {day} holds {count} lines that cannot be read: runs of this day without a line are left as they are; restore it from a backup, then start again"
-            ));
+            return Some(match count {
+                1 => format!(
+                    "the chain of {day} holds 1 line that cannot be read: runs of this day without a line are left as they are; restore it from a backup, then start again"
+                ),
+                count => format!(
+                    "the chain of {day} holds {count} lines that cannot be read: runs of this day without a line are left as they are; restore it from a backup, then start again"
+                ),
+            });
         }
         let began = self.begins.get(&name).copied();
         let hole = self.holes.iter().find(|hole| hole.may_hold(&name, began))?;

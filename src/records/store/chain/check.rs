@@ -3,10 +3,10 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::append::lock;
 use super::before::day_and_time;
 use super::entry::{ChainEntry, Place};
-use super::read::{MAX_COUNTER_BYTES, chain_of, counter, name_in};
+use super::read::{MAX_COUNTER_BYTES, name_in};
+use super::snapshot::Snapshot;
 use super::{COUNTER, NOTHING, begin, contradictions, matching, places, signed, times};
 use crate::store::{DIGESTS, PublicKey, StoreError, goes_on, reader};
 
@@ -95,8 +95,8 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
 pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainCheck, ChainBook), StoreError> {
     // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
     let closed = closed(records)?;
-    let places::Strays { problems: strays, litter } = places::strays(records);
-    let book = ChainBook::read_held(records)?;
+    let places::Strays { problems: strays, litter, notes } = places::strays(records);
+    let book = ChainBook::read(records)?;
     let mut checked = ChainCheck {
         runs: book.lines.iter().filter(|line| line.is_close()).count(),
         late: book.lines.iter().filter(|line| line.late.is_some()).count(),
@@ -104,7 +104,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
         problems: strays,
         litter,
         incomplete: book.torn.clone(),
-        notes: Vec::new(),
+        notes,
         signed: 0,
     };
     checked.problems.extend(book.broken.iter().cloned());
@@ -124,45 +124,38 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
 }
 
 impl ChainBook {
-    /// Reads all lines while no station writes. Where the lock cannot be had, what stands there is read all the same.
-    ///
-    /// # Errors
-    /// The records folder cannot be read.
-    pub fn read_held(records: &Path) -> Result<Self, StoreError> {
-        let held = lock(records).ok();
-        let book = Self::read(records);
-        drop(held);
-        book
-    }
-
-    /// Reads all lines.
+    /// Reads all lines as they are at one moment. Stations that write meanwhile do not wait for it, and what they write is not in it.
     ///
     /// # Errors
     /// The records folder cannot be read.
     pub fn read(records: &Path) -> Result<Self, StoreError> {
         let mut book = Self { records: records.to_owned(), ..Self::default() };
-        for day in reader::day_names(records)? {
-            match chain_of(records, &day) {
+        let snapshot = Snapshot::take(records)?;
+        for day in snapshot.days() {
+            match snapshot.chain_of(day) {
                 Err(error) => {
                     book.broken.push(gnc_text::with_causes(&error));
-                    book.unread.insert(day);
+                    book.unread.insert(day.to_owned());
                 }
                 Ok(None) => {}
                 Ok(Some(chain)) => {
-                    if !chain.edited.is_empty() {
-                        book.broken.push(format!(
-                            "{}: {} lines are as they were written but for their ends: an editor saved the file; restore it from a backup",
-                            gnc_text::shown_path(&chain.path),
-                            chain.edited.len()
-                        ));
-                    }
+                    let shown = gnc_text::shown_path(&chain.path);
+                    book.broken.extend(match chain.edited.len() {
+                        0 => None,
+                        1 => Some(format!(
+                            "{shown}: 1 line is as it was written but for its end: an editor saved the file; restore it from a backup"
+                        )),
+                        edited => Some(format!(
+                            "{shown}: {edited} lines are as they were written but for their ends: an editor saved the file; restore it from a backup"
+                        )),
+                    });
+                    book.broken.extend(match chain.broken {
+                        0 => None,
+                        1 => Some(format!("{shown}: 1 line does not belong to a chain")),
+                        broken => Some(format!("{shown}: {broken} lines do not belong to a chain")),
+                    });
                     if chain.broken > 0 {
-                        book.broken_days.insert(day.clone());
-                        book.broken.push(format!(
-                            "{}: {} lines do not belong to a chain",
-                            gnc_text::shown_path(&chain.path),
-                            chain.broken
-                        ));
+                        book.broken_days.insert(day.to_owned());
                     }
                     // A station adds each line behind the others.
                     if chain.lines.windows(2).any(|pair| pair[1].number < pair[0].number) {
@@ -178,8 +171,10 @@ impl ChainBook {
                     }
                     let lines: Vec<ChainEntry> = chain.lines.into_iter().chain(chain.edited).collect();
                     for line in lines.iter().filter(|line| line.day() != day) {
-                        book.broken
-                            .push(format!("run {} ({}): its line stands in the chain of {day}", line.number, line.run));
+                        book.broken.push(format!(
+                            "line {} of the chain ({}): it stands in the chain of {day}",
+                            line.number, line.run
+                        ));
                     }
                     book.lines.extend(lines);
                 }
@@ -194,7 +189,7 @@ impl ChainBook {
                 book.begins.entry(line.run.clone()).or_insert(at);
             }
         }
-        match counter(records) {
+        match snapshot.counted {
             Ok(counted) => book.counted = counted,
             // Nothing is written there but in one step, so only a disk that lost what it had leaves this.
             Err(_) if is_blank(records) => book.torn.push(format!(
@@ -226,8 +221,9 @@ impl ChainBook {
         let name = name_in(&self.records, run);
         if let Some(close) = self.close_of(&name) {
             // Its station may give the files their names at this moment.
-            return (!reader::is_sealed(run))
-                .then(|| format!("run {} ({name}) was closed, and its {DIGESTS} is missing", close.number));
+            return (!reader::is_sealed(run)).then(|| {
+                format!("line {} of the chain ({name}): the run was closed, and its {DIGESTS} is missing", close.number)
+            });
         }
         let began = self.lines.get(*self.begins.get(&name)?)?;
         matching::unlike_its_beginning(self, began)
@@ -273,7 +269,7 @@ impl ChainBook {
             && (first.number == 0 || first.before != NOTHING)
         {
             problems.push(format!(
-                "run {} ({}) has the first line, and the line says that another one stood before it",
+                "line {} of the chain ({}): it is the first one, and says that another one stood before it",
                 first.number, first.run
             ));
         }
@@ -287,7 +283,7 @@ impl ChainBook {
                 }
             } else if after.number != next || after.before != before.link {
                 problems.push(format!(
-                    "the chain is broken between run {} ({}) and run {} ({})",
+                    "the chain is broken between line {} ({}) and line {} ({})",
                     before.number, before.run, after.number, after.run
                 ));
             }
@@ -318,10 +314,14 @@ impl ChainBook {
     fn without_line(&self, closed: &[(String, bool)], has_key: bool, checked: &mut ChainCheck) {
         if self.is_empty() {
             if !closed.is_empty() {
-                checked.problems.push(format!(
-                    "{} runs are closed, and there is no chain: {COUNTER} and all chains are missing, or a version before the chain wrote these runs",
-                    closed.len()
-                ));
+                checked.problems.push(match closed.len() {
+                    1 => format!(
+                        "1 run is closed, and there is no chain: {COUNTER} and all chains are missing, or a version before the chain wrote this run"
+                    ),
+                    runs => format!(
+                        "{runs} runs are closed, and there is no chain: {COUNTER} and all chains are missing, or a version before the chain wrote these runs"
+                    ),
+                });
             }
             return;
         }
@@ -350,10 +350,14 @@ impl ChainBook {
                 )
             }));
         } else if let Some((first, _)) = before.first() {
-            checked.notes.push(format!(
-                "{} closed runs are older than the first line of the chain, so nothing shows when they were added; the first is {first}",
-                before.len()
-            ));
+            checked.notes.push(match before.len() {
+                1 => format!(
+                    "1 closed run is older than the first line of the chain, so nothing shows when it was added; it is {first}"
+                ),
+                runs => format!(
+                    "{runs} closed runs are older than the first line of the chain, so nothing shows when they were added; the first is {first}"
+                ),
+            });
         }
     }
 
@@ -395,7 +399,9 @@ impl ChainBook {
                 counted.number
             ));
         } else if self.lines.iter().any(|line| line.number == counted.number && line.link != counted.link) {
-            checked.problems.push(format!("run {} is not the run that {COUNTER} remembers", counted.number));
+            checked
+                .problems
+                .push(format!("line {} of the chain is not the one that {COUNTER} remembers", counted.number));
         } else if ends > counted.number {
             // A line counts when it is on disk, and the counter follows it.
             checked.incomplete.push(format!(
@@ -442,11 +448,11 @@ fn missing_between(before: &ChainEntry, after: &ChainEntry) -> String {
     let ((one, run), (other, its_run)) = ((before.number, &before.run), (after.number, &after.run));
     if first == last {
         format!(
-            "line {first} of the chain is missing, between run {one} ({run}) and run {other} ({its_run}): a day was moved away, or the line was removed"
+            "line {first} of the chain is missing, between line {one} ({run}) and line {other} ({its_run}): a day was moved away, or the line was removed"
         )
     } else {
         format!(
-            "lines {first} to {last} of the chain are missing, between run {one} ({run}) and run {other} ({its_run}): a day was moved away, or lines were removed"
+            "lines {first} to {last} of the chain are missing, between line {one} ({run}) and line {other} ({its_run}): a day was moved away, or lines were removed"
         )
     }
 }

@@ -27,15 +27,16 @@ pub(super) fn check(book: &ChainBook, lines: &[&ChainEntry], problems: &mut Vec<
         match file {
             Some(Err(error)) if is_line_signed && error.kind() == std::io::ErrorKind::NotFound => {
                 problems.push(format!(
-                    "run {number} ({run}): its line in the chain is signed, and its {SIGNATURE} is missing"
+                    "line {number} of the chain ({run}): it is signed, and {SIGNATURE} of the run is missing"
                 ));
             }
             Some(Ok(_)) if !is_line_signed => {
-                problems
-                    .push(format!("run {number} ({run}): it has {SIGNATURE}, and its line in the chain is not signed"));
+                problems.push(format!(
+                    "line {number} of the chain ({run}): the run has {SIGNATURE}, and the line is not signed"
+                ));
             }
             Some(Ok(meta)) if meta.len() != SIGNATURE_BYTES => {
-                problems.push(format!("run {number} ({run}): its {SIGNATURE} holds no signature"));
+                problems.push(format!("line {number} of the chain ({run}): {SIGNATURE} of the run holds no signature"));
             }
             _ => {}
         }
@@ -45,7 +46,7 @@ pub(super) fn check(book: &ChainBook, lines: &[&ChainEntry], problems: &mut Vec<
         let is_behind_signed = first.is_some_and(|first| first < begin.number);
         if begin.signature.is_some() != is_line_signed && (is_behind_signed || !is_line_signed) {
             problems.push(format!(
-                "run {number} ({run}): of its lines {} and {number} in the chain one is signed and one is not",
+                "line {number} of the chain ({run}): of the lines {} and {number} of the run one is signed and one is not",
                 begin.number
             ));
         }
@@ -69,7 +70,7 @@ pub(super) fn between_signed(book: &ChainBook) -> Option<String> {
         book.lines.iter().filter(is_between).filter(|line| !is_simulated(book, line)).collect();
     let first = unsigned.first()?;
     Some(format!(
-        "{} lines of the chain are not signed, and lines of the same station before and behind them are, the first is that of run {} ({}): the station had no key for a while, or the signatures were taken away; with --key each of them is a finding",
+        "{} lines of the chain are not signed, and lines of the same station before and behind them are, the first is line {} ({}): the station had no key for a while, or the signatures were taken away; with --key each of them is a finding",
         unsigned.len(),
         first.number,
         first.run

@@ -71,6 +71,11 @@ pub(crate) struct RunLink {
 }
 
 impl RunLink {
+    /// Number of its first line: that of its beginning, if it has one.
+    pub(crate) fn first_number(&self) -> u64 {
+        self.begin.as_ref().map_or(self.number, |begin| begin.number.min(self.number))
+    }
+
     /// The signatures of its lines, that of its close last.
     pub(crate) fn lines(&self) -> impl Iterator<Item = &LineSignature> {
         self.begin.iter().chain([&self.close])

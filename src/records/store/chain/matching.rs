@@ -22,8 +22,10 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
     let mut began: HashMap<&str, &ChainEntry> = HashMap::new();
     for line in &begins {
         if let Some(earlier) = began.insert(&line.run, line) {
-            problems
-                .push(format!("run {} ({}) began twice: run {} has its name", line.number, line.run, earlier.number));
+            problems.push(format!(
+                "line {} of the chain ({}): the run began twice, line {} says it as well",
+                line.number, line.run, earlier.number
+            ));
         }
     }
     let mut closed: HashMap<&str, &ChainEntry> = HashMap::new();
@@ -32,19 +34,22 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
         let by_name = by_name.insert(&line.run, line);
         if let Some(earlier) = closed.insert(line.began_as(), line).or(by_name) {
             problems.push(format!(
-                "run {} ({}) was closed twice: run {} is it, too",
+                "line {} of the chain ({}): the run was closed twice, line {} says it as well",
                 line.number, line.run, earlier.number
             ));
         }
     }
     for line in lines.iter().filter(|line| !line.is_true()) {
-        problems.push(format!("run {} ({}): its line in the chain was changed", line.number, line.run));
+        problems.push(format!("line {} of the chain ({}): it was changed", line.number, line.run));
     }
     for line in closes {
         let is_there = closed_folder(book, line, problems);
         match began.get(line.began_as()) {
             Some(begin) if begin.number > line.number => {
-                problems.push(format!("run {} ({}) was closed before it began", line.number, line.run));
+                problems.push(format!(
+                    "line {} of the chain ({}): the run was closed before it began",
+                    line.number, line.run
+                ));
             }
             Some(begin) => {
                 let looked = if is_there { is_same(book, begin, &line.run) } else { Ok(true) };
@@ -59,7 +64,10 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
                 }
             }
             None if line.from.is_some() || since.is_some_and(|since| line.number > since) => {
-                problems.push(format!("run {} ({}) was closed, and no line says that it began", line.number, line.run));
+                problems.push(format!(
+                    "line {} of the chain ({}): the run was closed, and no line says that it began",
+                    line.number, line.run
+                ));
             }
             None => {}
         }
@@ -71,7 +79,7 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
 }
 
 fn not_as_it_began(number: u64, run: &str) -> String {
-    format!("run {number} ({run}): its journal does not begin as it did when the run began")
+    format!("line {number} of the chain ({run}): the journal does not begin as it did when the run began")
 }
 
 /// Compares the line of a closed run with its folder. `false`: the folder cannot be looked at.
@@ -80,18 +88,19 @@ fn closed_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>
     match digest_below(&book.records, &Path::new(run).join(DIGESTS)) {
         Ok(digest) if digest == line.digest => return true,
         Ok(_) => {
-            problems.push(format!("run {number} ({run}): {DIGESTS} was changed after the run was closed"));
+            problems
+                .push(format!("line {number} of the chain ({run}): {DIGESTS} was changed after the run was closed"));
             return true;
         }
         Err(StoreError::File { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
             // Of a folder that cannot be entered it is not known either.
             match book.records.join(run).symlink_metadata() {
-                Ok(_) => problems.push(format!("run {number} ({run}) was closed, and its {DIGESTS} is missing")),
+                Ok(_) => problems.push(format!("line {number} of the chain ({run}): the run was closed, and its {DIGESTS} is missing")),
                 Err(_) => problems.push(match folded::find(&book.records, run) {
                     Some(found) => format!(
-                        "run {number} ({run}) stands here as {found}: it was copied to a file system that changes names"
+                        "line {number} of the chain ({run}): the run stands here as {found}, it was copied to a file system that changes names"
                     ),
-                    None => format!("run {number} ({run}) was closed, and its folder is missing"),
+                    None => format!("line {number} of the chain ({run}): the run was closed, and its folder is missing"),
                 }),
             }
         }
@@ -101,7 +110,7 @@ fn closed_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>
 }
 
 fn unreadable(number: u64, run: &str, error: &StoreError) -> String {
-    format!("run {number} ({run}): {}", gnc_text::with_causes(error))
+    format!("line {number} of the chain ({run}): {}", gnc_text::with_causes(error))
 }
 
 fn digest_below(records: &Path, file: &Path) -> Result<String, StoreError> {
@@ -144,10 +153,12 @@ fn open_folder(book: &ChainBook, line: &ChainEntry, moved: &mut Moved, problems:
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             // Its module was not the one that was scanned, so that its station moves it.
             if !moved.has(&book.records, line) {
-                problems.push(format!("run {number} ({run}) began, and its folder is gone"));
+                problems.push(format!("line {number} of the chain ({run}): the run began, and its folder is gone"));
             }
         }
-        Err(error) => problems.push(format!("run {number} ({run}): its folder cannot be read: {error}")),
+        Err(error) => {
+            problems.push(format!("line {number} of the chain ({run}): the folder of the run cannot be read: {error}"))
+        }
     }
 }
 

@@ -1,10 +1,12 @@
-//! Finds what stands in a records folder and is no part of the records: links, and days that have no date for a name.
+//! Finds what stands in a records folder and is no part of the records: links, days that have no date for a name, and copies of runs in
+//! folders that no station makes.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::CHAIN;
+use super::copies::{self, Copies};
 use super::read::name_in;
 use crate::store::litter::{is_litter, is_litter_folder};
 use crate::store::reader;
@@ -16,48 +18,87 @@ pub(super) struct Strays {
     pub(super) problems: Vec<String>,
     /// Folders in days and modules that file servers and file managers make, a sentence each.
     pub(super) litter: Vec<String>,
+    /// What could not be looked at to its end, a sentence each.
+    pub(super) notes: Vec<String>,
 }
 
 /// Looks through days, modules and the names of runs.
 pub(super) fn strays(records: &Path) -> Strays {
-    let Strays { mut problems, mut litter } = Strays::default();
+    let Strays { mut problems, mut litter, mut notes } = Strays::default();
     // Disks have their own folders at the top.
     for day in entries(records, records, &mut problems, &mut Vec::new()) {
-        let is_day = reader::is_day(&day);
-        let (mut below, mut litter_below) = (Vec::new(), Vec::new());
-        let serials = if day.is_dir() { entries(records, &day, &mut below, &mut litter_below) } else { Vec::new() };
+        let name = |path: &Path| name_in(records, path);
+        if !reader::is_day(&day) {
+            match (copies::below(&day), is_link(&day)) {
+                // A disk has other folders, too.
+                (Copies::None, _) | (Copies::TooMany, true) => {}
+                (_, true) => problems.push(link(&name(&day))),
+                (Copies::Itself, false) => {
+                    problems.push(format!("{} is the folder of a run and stands in no day", name(&day)))
+                }
+                (Copies::AsInADay, false) => {
+                    problems.push(format!("{} holds runs, and its name is not that of a day (YYYY-MM-DD)", name(&day)));
+                }
+                (Copies::Deeper(run), false) => problems.push(format!(
+                    "{} is no day and holds runs of which the first is {}",
+                    name(&day),
+                    name(&run)
+                )),
+                (Copies::TooMany, false) => notes.push(format!(
+                    "{} holds more than {} files and folders so that not all of them were looked at for copies of runs",
+                    name(&day),
+                    copies::MAX_LOOKED
+                )),
+            }
+            continue;
+        }
+        if is_link(&day) {
+            problems.push(link(&name(&day)));
+            continue;
+        }
+        let serials = if day.is_dir() { entries(records, &day, &mut problems, &mut litter) } else { Vec::new() };
         let runs: Vec<PathBuf> = serials
             .iter()
             .filter(|serial| serial.is_dir())
-            .flat_map(|serial| entries(records, serial, &mut below, &mut litter_below))
+            .flat_map(|serial| entries(records, serial, &mut problems, &mut litter))
             .collect();
-        let holds_runs = serials.iter().chain(&runs).any(|folder| reader::is_run(folder));
-        let is_link = |path: &Path| path.symlink_metadata().is_ok_and(|meta| meta.is_symlink());
-        let name = |path: &Path| name_in(records, path);
-        match (is_day, is_link(&day)) {
-            (_, true) if is_day || holds_runs => problems.push(link(&name(&day))),
-            (true, _) => {
-                problems.append(&mut below);
-                litter.append(&mut litter_below);
-                problems.extend(serials.iter().chain(&runs).filter(|path| is_link(path)).map(|path| link(&name(path))));
-                let files = serials.iter().filter(|path| !is_of_chain(path)).chain(&runs).filter(|path| path.is_file());
-                let added =
-                    files.filter(|path| !is_link(path) && !is_litter(Path::new(path.file_name().unwrap_or_default())));
-                problems.extend(added.map(|path| format!("{} was added: no station writes it there", name(path))));
-            }
-            (false, _) if holds_runs => {
-                problems.push(format!("{} holds runs, and its name is not that of a day (YYYY-MM-DD)", name(&day)));
-            }
-            // A disk has other folders, too.
-            (false, _) => {}
-        }
+        among_runs(records, &serials.iter().chain(&runs).collect::<Vec<_>>(), &mut problems);
     }
-    Strays { problems, litter }
+    Strays { problems, litter, notes }
 }
 
-/// Whether the file of a day is one of its chain.
+/// The same among the runs of one module, by the names that its folder may have.
+pub(super) fn strays_of(records: &Path, folders: &[String]) -> Strays {
+    let mut found = Strays::default();
+    for day in reader::day_names(records).unwrap_or_default() {
+        for module in folders.iter().map(|folder| records.join(&day).join(folder)) {
+            let runs = if module.is_dir() && !is_link(&module) {
+                entries(records, &module, &mut found.problems, &mut found.litter)
+            } else {
+                Vec::new()
+            };
+            among_runs(records, &[&module].into_iter().chain(&runs).collect::<Vec<_>>(), &mut found.problems);
+        }
+    }
+    found
+}
+
+/// Links and files where only folders of modules and runs stand.
+fn among_runs(records: &Path, paths: &[&PathBuf], problems: &mut Vec<String>) {
+    let name = |path: &Path| name_in(records, path);
+    problems.extend(paths.iter().filter(|path| is_link(path)).map(|path| link(&name(path))));
+    let files = paths.iter().filter(|path| !is_of_chain(path) && path.is_file() && !is_link(path));
+    let added = files.filter(|path| !is_litter(Path::new(path.file_name().unwrap_or_default())));
+    problems.extend(added.map(|path| format!("{} was added: no station writes it there", name(path))));
+}
+
+fn is_link(path: &Path) -> bool {
+    path.symlink_metadata().is_ok_and(|meta| meta.is_symlink())
+}
+
+/// Whether a file is one of the chain of its day.
 fn is_of_chain(file: &Path) -> bool {
-    file.file_stem().is_some_and(|stem| stem == CHAIN)
+    file.file_stem().is_some_and(|stem| stem == CHAIN) && file.parent().is_some_and(reader::is_day)
 }
 
 fn link(name: &str) -> String {

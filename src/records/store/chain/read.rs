@@ -61,12 +61,18 @@ pub(super) fn chains(records: &Path, days: usize) -> Result<Vec<DayChain>, Store
 
 /// The chain of a day, if it has one.
 pub(super) fn chain_of(records: &Path, day: &str) -> Result<Option<DayChain>, StoreError> {
+    chain_up_to(records, day, MAX_CHAIN_BYTES)
+}
+
+/// The chain of a day as it was when it had so many bytes.
+pub(super) fn chain_up_to(records: &Path, day: &str, length: u64) -> Result<Option<DayChain>, StoreError> {
     let path = records.join(day).join(CHAIN);
     let within = Path::new(day).join(CHAIN);
-    let bytes = match gnc_files::read_below(records, &within, MAX_CHAIN_BYTES) {
+    let mut bytes = match gnc_files::read_below(records, &within, MAX_CHAIN_BYTES) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         read => on(read, "read", &path)?,
     };
+    bytes.truncate(usize::try_from(length).unwrap_or(usize::MAX));
     // Half a line may look like a whole one with a shorter name, so a line counts with its end only. After a power cut
     // anything may stand behind the last whole line.
     let lines = || bytes.split_inclusive(|byte| *byte == b'\n');

@@ -40,11 +40,14 @@ pub(super) fn check(book: &ChainBook, against: &Against<'_>, checked: &mut Chain
         return;
     };
     if let (Some(first), true) = (all.first(), all.first().is_some_and(|first| first.number < since)) {
-        checked.notes.push(format!(
-            "lines {} to {} of the chain are not signed: there was no key yet, or the signatures were taken away",
-            first.number,
-            since.saturating_sub(1)
-        ));
+        let (first, last) = (first.number, since.saturating_sub(1));
+        checked.notes.push(if first == last {
+            format!("line {first} of the chain is not signed: there was no key yet, or the signature was taken away")
+        } else {
+            format!(
+                "lines {first} to {last} of the chain are not signed: there was no key yet, or the signatures were taken away"
+            )
+        });
     }
     let Unsigned { simulated, mut before_key } = check_lines(book, &all, keys, &mut checked.problems);
     if simulated > 0 {
@@ -134,16 +137,14 @@ pub(super) fn check_lines(
     for line in lines {
         match line.is_signed_by(keys) {
             Some(true) => {}
-            Some(false) => problems.push(format!(
-                "run {} ({}): the signature of its line in the chain is not by this key",
-                line.number, line.run
-            )),
+            Some(false) => problems
+                .push(format!("line {} of the chain ({}): its signature is not by this key", line.number, line.run)),
             None if line.number < since => {}
             None if is_simulated(book, line) => unsigned.simulated += 1,
             None => match line.station().filter(|station| is_before_key(line, &of_stations, station)) {
                 Some(station) => *before_key.entry(station).or_default() += 1,
                 None => problems.push(format!(
-                    "run {} ({}): its line in the chain is not signed, and earlier ones are",
+                    "line {} of the chain ({}): it is not signed, and earlier ones are",
                     line.number, line.run
                 )),
             },

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::check::{Against, ChainBook, ChainCheck, Head};
 use super::entry::ChainEntry;
 use super::read::name_in;
-use super::{NOTHING, contradictions, matching, signed};
+use super::{NOTHING, contradictions, matching, places, signed};
 use crate::store::{StoreError, on, reader};
 
 impl ChainBook {
@@ -46,7 +46,8 @@ impl ChainBook {
                 (None, counted) => counted.as_ref().is_none_or(|counted| counted.number < line.number),
             };
             if !is_linked || !follows {
-                problems.push(format!("run {} ({}): the chain is broken beside its line", line.number, line.run));
+                problems
+                    .push(format!("line {} of the chain ({}): the chain is broken beside it", line.number, line.run));
             }
         }
         if let Some(line) = own.first() {
@@ -73,10 +74,12 @@ impl ChainBook {
         };
         let named: Vec<&ChainEntry> =
             self.lines.iter().filter(|line| is_named(&line.run) || is_named(line.began_as())).collect();
-        if named.is_empty() {
+        let places::Strays { problems: strays, litter, notes } = places::strays_of(&self.records, &folders);
+        if named.is_empty() && strays.is_empty() && litter.is_empty() {
             return None;
         }
-        let mut checked = ChainCheck { problems: self.broken.clone(), ..ChainCheck::default() };
+        let problems = [strays, self.broken.clone()].concat();
+        let mut checked = ChainCheck { problems, litter, notes, ..ChainCheck::default() };
         let gone: HashSet<&str> = named.iter().map(|line| line.run.as_str()).filter(|run| is_gone(run)).collect();
         let of_gone = |line: &ChainEntry| gone.contains(line.run.as_str()) || gone.contains(line.began_as());
         let lines: Vec<&ChainEntry> = self.lines.iter().filter(|line| of_gone(line)).collect();
@@ -98,7 +101,7 @@ impl ChainBook {
                 .is_none_or(|before| Some(line.number) == before.number.checked_add(1) && line.before == before.link);
             if !line.is_true() || !follows {
                 return Some(format!(
-                    "{kept} does not witness run {} ({}): the chain is broken at line {} between the two",
+                    "{kept} does not witness line {} of the chain ({}): the chain is broken at line {} between the two",
                     from.number, from.run, line.number
                 ));
             }

@@ -86,7 +86,7 @@ fn a_run_that_was_removed_is_found() {
     fs::remove_dir_all(&runs[1]).expect("a run");
     check(
         &problems(folder.path()),
-        &["run 2 (2026-11-22/SN-1/120000-functional) was closed, and its folder is missing"],
+        &["line 2 of the chain (2026-11-22/SN-1/120000-functional): the run was closed, and its folder is missing"],
     );
 }
 
@@ -99,7 +99,7 @@ fn a_run_that_was_removed_with_its_line_is_found() {
     let lines = fs::read_to_string(&chain).expect("a chain");
     let rest: String = lines.lines().skip(1).map(|line| format!("{line}\n")).collect();
     fs::write(&chain, rest).expect("a chain");
-    check(&problems(folder.path()), &["line 2 of the chain is missing, between run 1"]);
+    check(&problems(folder.path()), &["line 2 of the chain is missing, between line 1"]);
 }
 
 #[test]
@@ -138,7 +138,7 @@ fn a_line_that_was_changed_is_found() {
     let forged = fs::read_to_string(&chain).expect("a chain").replace("SN-1", "SN-7");
     fs::write(&chain, forged).expect("a chain");
     let found = problems(folder.path());
-    assert!(found.iter().any(|problem| problem.contains("its line in the chain was changed")), "{found:?}");
+    assert!(found.iter().any(|problem| problem.contains("): it was changed")), "{found:?}");
 }
 
 /// The power fails after the line and before the counter: the next run follows the line.
@@ -230,4 +230,41 @@ fn half_a_line_does_not_swallow_the_next_run() {
     assert_eq!(verify(folder.path()).expect("a folder").incomplete.len(), 1, "half a line is told");
     close(folder.path(), 2);
     assert_eq!(verify(folder.path()).expect("a folder"), ChainCheck { runs: 3, first: 1, ..ChainCheck::default() });
+}
+
+/// A station writes while others read: no reader sees half of what it writes, and none of them calls a line missing.
+#[test]
+fn a_reader_beside_a_writing_station_finds_nothing() {
+    let (folder, _) = records(2);
+    std::thread::scope(|scope| {
+        let writer = scope.spawn(|| (2..200).map(|run| close(folder.path(), run)).count());
+        let mut looks = 0;
+        while !writer.is_finished() || looks < 2 {
+            let book = ChainBook::read(folder.path()).expect("a chain");
+            let mut checked = ChainCheck::default();
+            book.order(&mut checked.problems);
+            book.counter(&mut checked);
+            assert_eq!(checked, ChainCheck::default(), "look {looks}");
+            assert!(book.broken.is_empty() && book.lines.len() >= 2, "look {looks}: {:?}", book.broken);
+            looks += 1;
+        }
+        assert_eq!(writer.join().expect("a station"), 198);
+    });
+}
+
+/// What a reader takes is of one moment, and a station that goes on meanwhile does not wait for the reader.
+#[test]
+fn a_snapshot_stays_as_it_was() {
+    let (folder, _) = records(3);
+    let snapshot = snapshot::Snapshot::take(folder.path()).expect("a folder");
+    let other = snapshot::Snapshot::take(folder.path()).expect("another reader");
+    close(folder.path(), 3);
+    close(folder.path(), 4);
+    for (snapshot, lines) in [(snapshot, [2, 1]), (other, [2, 1])] {
+        let counts = snapshot.days().map(|day| snapshot.chain_of(day).expect("a chain").expect("lines").lines.len());
+        assert_eq!(counts.collect::<Vec<_>>(), lines);
+        assert_eq!(snapshot.counted.expect("a counter").expect("a number").number, 3);
+    }
+    let now = snapshot::Snapshot::take(folder.path()).expect("a folder");
+    assert_eq!(now.counted.expect("a counter").expect("a number").number, 5);
 }

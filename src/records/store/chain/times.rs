@@ -26,7 +26,7 @@ pub(super) fn check(book: &ChainBook, notes: &mut Vec<String>) {
             && at + MAY_FALL < before
         {
             notes.push(format!(
-                "the clock was set back: run {} ({}) is of {}, and run {} before it of {}",
+                "the clock was set back: line {} of the chain ({}) is of {}, and line {} before it of {}",
                 line.number,
                 line.run,
                 at.format("%F %T"),

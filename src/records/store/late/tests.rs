@@ -355,7 +355,7 @@ fn the_mark_stays() {
     fs::write(&chain, unmarked).unwrap();
     assert_eq!(shelf.seal(&run), Seal::Flawed(Flaw::Changed));
     let problems = shelf.late().1;
-    assert!(problems.len() == 1 && problems[0].contains("its line in the chain was changed"), "{problems:?}");
+    assert!(problems.len() == 1 && problems[0].contains("): it was changed"), "{problems:?}");
     // Words behind a line are no part of it either.
     fs::write(&chain, text.replacen("functional\n", "functional late\n", 1)).unwrap();
     assert!(!shelf.late().1.is_empty());
@@ -426,11 +426,11 @@ fn a_chain_that_was_damaged_closes_nothing_late() {
     type Damage = fn(&str) -> String;
     let line_2 = |text: &str| text.lines().nth(1).unwrap().to_owned() + "\n";
     let damages: [(&str, Damage, &str); 5] = [
-        ("a word", |text| text.replacen("close", "cl0se", 1), "holds 1 lines that cannot be read"),
+        ("a word", |text| text.replacen("close", "cl0se", 1), "holds 1 line that cannot be read"),
         (
             "a signature",
             |text| text.replacen("functional\n3", "functional sig aX\n3", 1),
-            "holds 1 lines that cannot be read",
+            "holds 1 line that cannot be read",
         ),
         (
             "a line",

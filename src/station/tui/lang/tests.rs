@@ -186,6 +186,7 @@ fn the_standing_is_the_same_on_every_face() {
         Flaw::Interrupted,
         Flaw::NotInChain,
         Flaw::ClosedLate,
+        Flaw::LinesMissing,
         Flaw::Changed,
         Flaw::Unsigned,
         Flaw::Unwitnessed,

@@ -38,7 +38,7 @@ fn all_signatures_of_a_run_are_removed() {
     assert_eq!(
         crate::store::chain::verify(shelf.path()).unwrap().notes,
         [
-            "2 lines of the chain are not signed, and lines of the same station before and behind them are, the first is that of run 3 (2026-11-21/B/110000-functional): the station had no key for a while, or the signatures were taken away; with --key each of them is a finding"
+            "2 lines of the chain are not signed, and lines of the same station before and behind them are, the first is line 3 (2026-11-21/B/110000-functional): the station had no key for a while, or the signatures were taken away; with --key each of them is a finding"
         ]
     );
 }
@@ -168,9 +168,7 @@ fn a_stranger_in_a_folder_without_a_run_is_found() {
             let problems = crate::store::as_written::check(&run).problems;
             assert_eq!(
                 problems,
-                [format!(
-                    "no run began here, and 1 other files are in its folder, the first is {file}: no station writes them there"
-                )]
+                [format!("no run began here, and 1 other file is in its folder, {file}: no station writes it there")]
             );
             fs::remove_file(run.join(file)).unwrap();
         }
@@ -255,12 +253,15 @@ fn a_module_is_verified_with_its_lines() {
     let shelf = Shelf::new();
     assert_eq!((of(&shelf, "A"), of(&shelf, "B"), of(&shelf, "C")), (Some(Vec::new()), Some(Vec::new()), None));
     shelf.rename(FAILED, "2026-11-21/X/110000-functional");
-    let gone = vec![format!("run 4 ({FAILED}) was closed, and its folder is missing")];
+    let gone = vec![format!("line 4 of the chain ({FAILED}): the run was closed, and its folder is missing")];
     assert_eq!((of(&shelf, "B"), of(&shelf, FAILED)), (Some(gone.clone()), Some(gone)));
     assert_eq!(of(&shelf, "A"), Some(Vec::new()));
     let begun = shelf.begin("2026-11-22T16:00:00+08:00", "C");
     shelf.remove(&begun);
-    assert_eq!(of(&shelf, "C"), Some(vec![format!("run 9 ({begun}) began, and its folder is gone")]));
+    assert_eq!(
+        of(&shelf, "C"),
+        Some(vec![format!("line 9 of the chain ({begun}): the run began, and its folder is gone")])
+    );
     // Its lines go as well.
     Forge::read(&shelf).without("2026-11-21/B/").write_as_they_are(&shelf);
     let missing = "lines 3 to 4 of the chain are missing";

@@ -1,0 +1,120 @@
+//! What stands in a records folder and no station put there: copies of whole runs, files beside the runs of one module, runs of another
+//! module.
+
+use std::fs;
+
+use super::shelf::Shelf;
+use crate::store::chain::{ChainBook, verify};
+use crate::store::{as_written, reader};
+
+const RUN: &str = "2026-11-21/A/100000-functional";
+
+/// A copy of a run outside of all days, however deep it stands, is one finding.
+#[test]
+fn copies_of_runs_are_found_wherever_they_stand() {
+    let found = |shelf: &Shelf| verify(shelf.path()).unwrap().problems;
+    for (to, told) in [
+        ("backup", "backup is the folder of a run and stands in no day"),
+        ("backup/100000-functional", "backup holds runs, and its name is not that of a day (YYYY-MM-DD)"),
+        ("backup/A/100000-functional", "backup holds runs, and its name is not that of a day (YYYY-MM-DD)"),
+        (
+            "backup/2026-11-21/A/100000-functional",
+            "backup is no day and holds runs of which the first is backup/2026-11-21/A/100000-functional",
+        ),
+        (
+            "a/b/c/d/2026-11-21/A/100000-functional",
+            "a is no day and holds runs of which the first is a/b/c/d/2026-11-21/A/100000-functional",
+        ),
+    ] {
+        let shelf = Shelf::new();
+        shelf.copy(RUN, to);
+        assert_eq!(found(&shelf), [told]);
+        // One finding for each such folder, whatever it holds besides.
+        shelf.copy("2026-11-21", &format!("{}/more/2026-11-21", to.split('/').next().unwrap()));
+        assert_eq!(found(&shelf).len(), 1, "{to}");
+    }
+    // Beside the runs of a day a copy is a run that the chain does not name, or no run at all.
+    for to in ["2026-11-21/A/old", "2026-11-21/A/old/100000-functional", "2026-11-21/old/A/100000-functional"] {
+        let shelf = Shelf::new();
+        shelf.copy(RUN, to);
+        assert!(!shelf.found(false, &[]).is_empty(), "{to}");
+    }
+}
+
+/// Other folders of a disk are none of the records. One that is huge is not walked without end, and that is said.
+#[test]
+fn other_folders_are_left_alone() {
+    let shelf = Shelf::new();
+    let other = shelf.path().join("software/release/1.0/linux");
+    fs::create_dir_all(&other).unwrap();
+    for file in ["SHA256SUMS", "readme.txt"] {
+        fs::write(other.join(file), "x").unwrap();
+    }
+    std::os::unix::fs::symlink(shelf.path(), other.join("records")).unwrap();
+    let checked = verify(shelf.path()).unwrap();
+    assert_eq!((checked.problems, checked.notes), (Vec::new(), Vec::new()));
+    for number in 0..=super::super::copies::MAX_LOOKED {
+        fs::hard_link(other.join("readme.txt"), other.join(number.to_string())).unwrap();
+    }
+    shelf.copy(RUN, "software/release/1.0/linux/more/2026-11-21/A/100000-functional");
+    let checked = verify(shelf.path()).unwrap();
+    let said =
+        "software holds more than 20000 files and folders so that not all of them were looked at for copies of runs";
+    assert_eq!((checked.problems, checked.notes), (Vec::new(), vec![said.to_owned()]));
+}
+
+/// One module is asked for: files, links and folders of file servers among its runs are named, and those of others are not.
+#[test]
+fn strangers_among_the_runs_of_a_module_are_found() {
+    let shelf = Shelf::new();
+    let of = |named: &str| ChainBook::read(shelf.path()).unwrap().of_named(named);
+    fs::write(shelf.path().join("2026-11-22/A/CHAIN"), "x").unwrap();
+    fs::write(shelf.path().join("2026-11-21/A/notes.txt"), "x").unwrap();
+    shelf.link("2026-11-21/B/110000-functional", "2026-11-22/A/110000-functional");
+    fs::create_dir(shelf.path().join("2026-11-22/A/@eaDir")).unwrap();
+    let checked = of("A").unwrap();
+    assert_eq!(
+        checked.problems,
+        [
+            "2026-11-21/A/notes.txt was added: no station writes it there",
+            "2026-11-22/A/110000-functional is a link: what it leads to is no part of these records",
+            "2026-11-22/A/CHAIN was added: no station writes it there",
+        ]
+    );
+    assert_eq!(checked.litter.len(), 1, "{:?}", checked.litter);
+    assert_eq!(of("B").unwrap().problems, Vec::<String>::new());
+    // A number of which no line tells.
+    assert_eq!(of("C"), None);
+    fs::write(shelf.path().join("2026-11-22/C"), "x").unwrap();
+    assert_eq!(of("C").unwrap().problems, ["2026-11-22/C was added: no station writes it there"]);
+}
+
+/// A run that was killed is moved to the folder of another module: it is no run of that one that the next start mends.
+#[test]
+fn a_killed_run_in_the_folder_of_another_module_is_found() {
+    let shelf = Shelf::new();
+    let killed = shelf.begin("2026-11-22T16:00:00+08:00", "C");
+    let told = |run: &str| {
+        let checked = as_written::check(&shelf.path().join(run));
+        (checked.incomplete.is_some(), checked.problems)
+    };
+    assert_eq!(told(&killed), (true, Vec::new()));
+    assert_eq!(reader::moved_among(shelf.path(), "C"), Vec::<std::path::PathBuf>::new());
+    for (to, problem) in [
+        (
+            "2026-11-22/A/160000-functional",
+            "the journal names the serial number \"C\", and the folder is not that of its module",
+        ),
+        ("2026-11-22/C/160000-other", "the journal names the plan \"functional\", and the folder another one"),
+        (
+            "2026-11-21/C/160000-functional",
+            "the journal begins at 2026-11-22 16:00:00, and the folder names another day or time",
+        ),
+    ] {
+        shelf.rename(&killed, to);
+        assert_eq!(told(to), (true, vec![problem.to_owned()]));
+        let moved = reader::moved_among(shelf.path(), "A");
+        assert_eq!(moved.len(), usize::from(to.contains("/A/")), "{moved:?}");
+        shelf.rename(to, &killed);
+    }
+}
