@@ -168,7 +168,9 @@ fn a_start_closes_a_run_with_what_its_station_wrote() {
         assert_eq!(text(&run, "01-cpu/item.json"), item);
         assert!(!run.join(PASSPORT).exists() && !text(&run, LOG).contains("planted"));
         let first = said.iter().position(|line| line.contains("sealed as interrupted") || line.contains("closed late"));
-        let next = &said[first.unwrap() + 1];
+        let early = &said[first.unwrap() + 1];
+        assert!(early.contains("a run (passport.json passport.xml report.html log.txt"), "{said:?}");
+        let next = &said[first.unwrap() + 2];
         let what = "did not write are not sealed with it: 01-cpu/notes.txt, ";
         assert!(next.starts_with("2026-11-28/SN-1/160000-functional: files in") && next.contains(what), "{said:?}");
         assert_eq!(seal_interrupted(records.path(), &by), Vec::<String>::new());
