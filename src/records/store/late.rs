@@ -20,7 +20,7 @@ use super::lock::Holder;
 use super::reader::MAX_RECORD_BYTES;
 use super::recovery::{Sealer, Until, held, may_close, unlike_signature};
 use super::staying::Stays;
-use super::{DIGESTS, JOURNAL, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, as_written, cut_off, on, reader};
+use super::{DIGESTS, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, as_written, cut_off, on, reader};
 
 /// The digests that a run had before it was closed late.
 const DIGESTS_BEFORE: &str = "SHA256SUMS.before";

@@ -15,7 +15,7 @@ use crate::standing::Seals;
 use crate::store::as_written;
 use crate::store::chain::{CHAIN, COUNTER, LateCloses};
 use crate::store::recovery::tests::{PLAN_TEXT, close_as, plan_sha256};
-use crate::store::{LOG, PLAN, SIGNATURE};
+use crate::store::{JOURNAL, LOG, PLAN, SIGNATURE};
 
 const DAY: &str = "2026-11-28";
 const STATION: &str = "bench 1";
