@@ -91,6 +91,7 @@ fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -
     let late = LateClose::new(sealer.at, &format!("{}-{}", sealer.program.name, sealer.program.version));
     let by = Scribe { late: Some(&late), ..sealer.scribe() };
     let digests = run.join(DIGESTS);
+    let plan = PlanFiles::found(run, &state)?;
     let early = if digests.exists() { Vec::new() } else { closing::named_early(run) };
     if digests.exists() {
         if let Some(stays) = Stays::is_changed(&as_written::changes(run)) {
@@ -112,7 +113,6 @@ fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -
     let folder = RunFolder::existing(run).signed_with(sealer.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
     let began = chain::begin(run, &by)?;
-    let plan = PlanFiles::found(run, &state);
     let made = [DIGESTS_BEFORE, SIGNATURE_BEFORE];
     let contents = Contents { state: &Mutex::new(state), plan: &plan, cut_off: &cut_off, made: &made };
     closing::close(&folder, &contents, &by, Some(&began))?;
@@ -139,8 +139,14 @@ fn set_aside(run: &Path) -> Result<(), StoreError> {
 /// Keeps the signature of digests that were set aside, if it is theirs: a later one may be of digests that a kill prevented.
 fn set_signature_aside(run: &Path, key: Option<&StationKey>) -> Result<(), StoreError> {
     let (signature, kept) = (run.join(SIGNATURE), run.join(SIGNATURE_BEFORE));
-    let read = |name: &str| gnc_files::read_below(run, Path::new(name), MAX_RECORD_BYTES);
-    let (Ok(digests), Ok(signed), Some(key)) = (read(DIGESTS_BEFORE), read(SIGNATURE), key) else { return Ok(()) };
+    let read = |name: &str| match gnc_files::read_below(run, Path::new(name), MAX_RECORD_BYTES) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound || gnc_files::is_refused(&error).is_some() => Ok(None),
+        // The signature would be lost.
+        read => on(read, "read", &run.join(name)).map(Some),
+    };
+    let (Some(digests), Some(signed), Some(key)) = (read(DIGESTS_BEFORE)?, read(SIGNATURE)?, key) else {
+        return Ok(());
+    };
     if kept.symlink_metadata().is_ok() || !key.public().signed(&digests, &signed) {
         return Ok(());
     }

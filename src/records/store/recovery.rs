@@ -401,6 +401,7 @@ fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<
         Ok(began) => began.is_some_and(|began| began.signed_by(by.key) == SignedBy::Other),
         Err(stays) => return Ok(Left::Open(stays)),
     };
+    let plan = PlanFiles::found(run, &state)?;
     clear_away(run)?;
     let folder = RunFolder::existing(run).signed_with(by.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
@@ -408,7 +409,6 @@ fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<
     let mut what = captured::unlike(run);
     what.extend(is_by_other.then(|| "another key signed the line of its beginning".to_owned()));
     let said = in_words(&state, &record, &cut_off, &what);
-    let plan = PlanFiles::found(run, &state);
     let contents = Contents { state: &Mutex::new(state), plan: &plan, cut_off: &cut_off, made: &[] };
     close(&folder, &contents, &by.scribe(), Some(&began))?;
     Ok(Left::Sealed((said, folder.path().to_owned())))

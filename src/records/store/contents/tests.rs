@@ -210,7 +210,7 @@ fn the_files_of_a_plan_are_found_by_the_digest_of_the_journal() {
     value["header"]["plan"]["sha256"] = json!(sha256);
     let mut state = RunState::new();
     state.apply(&serde_json::from_value(value).unwrap()).unwrap();
-    let count = || match PlanFiles::found(folder.path(), &state) {
+    let count = || match PlanFiles::found(folder.path(), &state).unwrap() {
         PlanFiles::Found(files) => files.len(),
         PlanFiles::Written(_) => 0,
     };
@@ -231,7 +231,9 @@ fn a_plan_under_a_name_that_tells_nothing_is_none_of_the_run() {
     for (name, count) in [("01-functional.toml", 1), ("01-functional~deadbeef.toml", 0), ("01-functional~deadbeef", 0)]
     {
         put(folder.path(), &format!("{PLAN}/{name}"), TEXT);
-        let PlanFiles::Found(files) = PlanFiles::found(folder.path(), &state) else { panic!("files that were found") };
+        let PlanFiles::Found(files) = PlanFiles::found(folder.path(), &state).unwrap() else {
+            panic!("files that were found")
+        };
         assert_eq!(files.len(), count, "{name}");
         std::fs::remove_file(folder.path().join(PLAN).join(name)).unwrap();
     }

@@ -30,7 +30,7 @@ pub(in crate::store) fn close_as(
     began: Option<&chain::Place>,
 ) -> Result<(), StoreError> {
     let state = reader::fold(run).unwrap();
-    let plan = PlanFiles::found(run, &state);
+    let plan = PlanFiles::found(run, &state).unwrap();
     let contents = Contents { state: &Mutex::new(state), plan: &plan, cut_off: &[], made: &[] };
     close(&RunFolder::existing(run).signed_with(key.cloned()), &contents, by, began)
 }
