@@ -1,5 +1,7 @@
 //! Records that earlier programs really wrote, read by this one: `tests/data/older` says which programs, and how.
 
+#![expect(clippy::unwrap_used, reason = "what cannot be set up fails the test that needs it")]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
