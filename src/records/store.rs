@@ -20,6 +20,7 @@ pub mod head;
 pub(crate) mod key;
 mod late;
 mod litter;
+mod lock;
 pub(crate) mod name;
 mod names;
 pub(crate) mod pending;
@@ -27,6 +28,7 @@ mod raw;
 pub mod reader;
 mod record_writer;
 mod recovery;
+mod staying;
 mod tally;
 
 use std::io;

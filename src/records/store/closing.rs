@@ -185,6 +185,12 @@ pub(super) fn clear_away(run: &Path) -> Result<(), StoreError> {
     remove(&run.join(SIGNATURE))
 }
 
+/// Files with names that a run's files get only when its line is in the chain. In a run without a line no station of this version wrote
+/// them.
+pub(super) fn named_early(run: &Path) -> Vec<&'static str> {
+    TELLING.into_iter().filter(|name| run.join(name).symlink_metadata().is_ok()).collect()
+}
+
 /// Removes a file that may be there.
 pub(super) fn remove(path: &Path) -> Result<(), StoreError> {
     match fs::remove_file(path) {

@@ -3,6 +3,7 @@
 //! anew. Whatever else lies in the folder is not covered, and each check names it as added.
 
 use std::collections::HashMap;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -12,7 +13,7 @@ use gnc_executive::state::{Row, RunState};
 
 use super::cut_off::{CUT_OFF, CutOffFile};
 use super::digest::{self, FileDigests};
-use super::{ITEM, JOURNAL, PLAN, RunFolder, StoreError, closing, item_folder, name, raw_file};
+use super::{ITEM, JOURNAL, PLAN, RunFolder, StoreError, closing, item_folder, name, on, raw_file};
 
 /// Most rounds within an attempt that a plan may ask for: each has a raw file.
 const MAX_REPEATS: u32 = 1000;
@@ -37,7 +38,8 @@ impl PlanFiles {
         if names.any(|name| name::part_of(name).is_none()) {
             return None;
         }
-        match Self::found(run, state) {
+        // A file that cannot be read is a finding of its own.
+        match Self::found(run, state).ok()? {
             Self::Found(files) => Some(files.len()),
             Self::Written(_) => None,
         }
@@ -45,12 +47,21 @@ impl PlanFiles {
 
     /// The files that were found for a run that another start left, in the order of their numbers. Without those that its journal
     /// names, none: a person had time to exchange them, and chose their names.
-    pub(super) fn found(run: &Path, state: &RunState) -> Self {
-        let all = digest::files_below(&run.join(PLAN)).unwrap_or_default();
+    ///
+    /// # Errors
+    /// A file could not be read just then. A run that is closed without its plan would be one that was changed for ever.
+    pub(super) fn found(run: &Path, state: &RunState) -> Result<Self, StoreError> {
+        let all = match digest::files_below(&run.join(PLAN)) {
+            Err(StoreError::File { source, .. }) if is_of_a_person(&source) => Vec::new(),
+            found => found?,
+        };
         let mut files = Vec::new();
         while let Some(file) = numbered(&all, files.len() + 1) {
             let path = Path::new(PLAN).join(file);
-            let Ok(text) = gnc_files::read_below(run, &path, MAX_PLAN_BYTES as u64) else { break };
+            let text = match gnc_files::read_below(run, &path, MAX_PLAN_BYTES as u64) {
+                Err(error) if is_of_a_person(&error) => break,
+                read => on(read, "read", &run.join(&path))?,
+            };
             files.push((path, name::part_of(&file[NUMBER_BYTES..]), text));
         }
         let is_plan = |count: &usize| {
@@ -59,7 +70,7 @@ impl PlanFiles {
             state.header().is_some_and(|header| digest::of_plan(named) == header.plan.sha256)
         };
         let count = (1..=files.len()).rev().find(is_plan).unwrap_or(0);
-        Self::Found(files.into_iter().take(count).map(|(path, ..)| path).collect())
+        Ok(Self::Found(files.into_iter().take(count).map(|(path, ..)| path).collect()))
     }
 
     fn has(&self, file: &Path) -> bool {
@@ -68,6 +79,12 @@ impl PlanFiles {
             Self::Found(files) => files.iter().any(|own| own == file),
         }
     }
+}
+
+/// Whether a file is gone, or is none that a station writes: a later look finds the same.
+fn is_of_a_person(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
+        || gnc_files::is_refused(error).is_some()
 }
 
 /// The one file of a plan with this number.

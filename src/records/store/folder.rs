@@ -4,13 +4,14 @@ use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use chrono::{DateTime, FixedOffset};
 pub(super) use gnc_files::PART;
 use gnc_files::{Part, Refused};
 
 use super::begun::was_never_begun;
-use super::{StationKey, StoreError, UNASSIGNED, digest, name, on};
+use super::{StationKey, StoreError, UNASSIGNED, digest, lock, name, on};
 
 /// Bound on the runs of one plan with one serial number in one second; more mean a loop out of control.
 const MAX_SAME_SECOND: u32 = 10_000;
@@ -120,9 +121,7 @@ impl RunFolder {
             }
             match DirBuilder::new().create(&path) {
                 Ok(()) => {
-                    let held = File::open(&path).ok();
-                    // It waits for the start of another station that is taking the empty folder away.
-                    let held = held.filter(|folder| folder.lock().is_ok());
+                    let held = Self::held(&path, lock::LOCKED_FOR)?;
                     if path.is_dir() {
                         return Ok(Self::at(path, held));
                     }
@@ -132,6 +131,24 @@ impl RunFolder {
             }
         }
         on(Err(io::ErrorKind::AlreadyExists.into()), "create", &parent.join(name))
+    }
+
+    /// Takes the lock of a new folder. The start of another station may be taking the empty folder away at this moment, so it waits
+    /// for that. A folder that cannot be locked is as good.
+    fn held(path: &Path, wait: Duration) -> Result<Option<File>, StoreError> {
+        let Ok(folder) = File::open(path) else { return Ok(None) };
+        match lock::within(&folder, wait, File::try_lock) {
+            Ok(true) => Ok(Some(folder)),
+            Ok(false) => {
+                Self::existing(path).withdraw();
+                let why = format!(
+                    "another program holds this new folder for more than {} s (the start of another station or a program that searches or copies the records)",
+                    wait.as_secs()
+                );
+                lock::busy(why, path)
+            }
+            Err(_) => Ok(None),
+        }
     }
 
     /// The path of the folder. It changes once if the run turns out to be of another module.
@@ -378,6 +395,24 @@ mod tests {
         folder.put("run.json", |out| out.write_all(b"{}")).unwrap();
         assert_eq!(fs::read_dir(&other).unwrap().count(), 0);
         assert!(!folder.path().join("run.json").is_symlink());
+    }
+
+    /// Another program holds the new folder: the wait ends, and no folder is left.
+    #[test]
+    fn a_new_folder_that_is_held_is_given_up() {
+        let records = tempfile::tempdir().unwrap();
+        let path = records.path().join("2026-11-28/SN/120000-functional");
+        fs::create_dir_all(&path).unwrap();
+        let holds = File::open(&path).unwrap();
+        holds.lock().unwrap();
+        let error = RunFolder::held(&path, Duration::ZERO).unwrap_err();
+        let why = "another program holds this new folder for more than 0 s (the start of another station or a program that \
+                   searches or copies the records)";
+        assert!(gnc_text::with_causes(&error).ends_with(why), "{error}");
+        assert!(error.try_this().contains("end the program that holds the records folder"));
+        assert!(!records.path().join("2026-11-28").exists());
+        fs::create_dir_all(&path).unwrap();
+        assert!(RunFolder::held(&path, Duration::ZERO).unwrap().is_some());
     }
 
     /// A pipe, a device, a folder or a link in the place of a file of a record is refused at once: the test would wait for ever.

@@ -16,9 +16,11 @@ use super::chain::{self, Before, LateClose, Scribe};
 use super::closing;
 use super::contents::{Contents, PlanFiles};
 use super::folder::sync_dir;
+use super::lock::Holder;
 use super::reader::MAX_RECORD_BYTES;
-use super::recovery::{Sealer, Until, may_close, unlike_signature};
-use super::{DIGESTS, JOURNAL, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, as_written, cut_off, on, reader};
+use super::recovery::{Sealer, Until, held, may_close, unlike_signature};
+use super::staying::Stays;
+use super::{DIGESTS, RECORD, RunFolder, SIGNATURE, StationKey, StoreError, as_written, cut_off, on, reader};
 
 /// The digests that a run had before it was closed late.
 const DIGESTS_BEFORE: &str = "SHA256SUMS.before";
@@ -27,10 +29,20 @@ const SIGNATURE_BEFORE: &str = "SHA256SUMS.before.sig";
 
 /// What a start does about a run that ended.
 pub(super) enum Closed {
-    /// It has closed the run late: what to say, and where its folder is now.
-    Late(String, PathBuf),
+    /// It has closed the run late.
+    Late(ClosedLate),
     /// The run stays as it is; says why.
-    Open(String),
+    Open(Stays),
+}
+
+/// A run that was closed late.
+pub(super) struct ClosedLate {
+    /// What to say.
+    pub(super) what: String,
+    /// Where its folder is now.
+    pub(super) now: PathBuf,
+    /// Files without digests that had the names of those that a closing makes.
+    pub(super) early: Vec<&'static str>,
 }
 
 /// Closes those of the ended runs that a sudden end of this station left, and returns what was done with each. `before` is
@@ -55,42 +67,52 @@ pub(super) fn close(
     done.collect()
 }
 
-/// Closes a run. `None`: the run goes on, is of another station, or its files are not what its journal says.
+/// Closes a run. `None`: the run goes on, or another start has just closed it.
 fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -> Result<Option<Closed>, StoreError> {
-    let path = run.join(JOURNAL);
-    let Ok(_held) = closing::hold(on(gnc_files::own(&path), "read", &path)?, &path) else { return Ok(None) };
+    let _held = match held(run)? {
+        Holder::Own(held) => held,
+        Holder::Station => return Ok(None),
+        Holder::Readers => return Ok(Some(Closed::Open(Stays::is_read()))),
+    };
     // Another station may have closed it meanwhile.
     if chain::unknown(records, vec![run.to_owned()])?.is_empty() {
         return Ok(None);
     }
-    let Ok(state) = reader::fold(run) else { return Ok(None) };
+    let state = match reader::fold(run) {
+        Ok(state) => state,
+        Err(error) => return Ok(Some(Closed::Open(Stays::is_unreadable(run, &error)))),
+    };
     let record = RunRecord::from_state(&state).filter(|record| !record.interrupted);
-    let Some(record) = record.filter(|record| record.station == sealer.station) else { return Ok(None) };
+    let Some(record) = record else { return Ok(None) };
     let is_signed = match may_close(records, run, &state, before, sealer)? {
         Ok(began) => began.is_some_and(|began| began.is_signed()),
-        Err(why) => return Ok(Some(Closed::Open(why))),
+        Err(stays) => return Ok(Some(Closed::Open(stays))),
     };
     let late = LateClose::new(sealer.at, &format!("{}-{}", sealer.program.name, sealer.program.version));
     let by = Scribe { late: Some(&late), ..sealer.scribe() };
     let digests = run.join(DIGESTS);
+    let plan = PlanFiles::found(run, &state)?;
+    let early = if digests.exists() { Vec::new() } else { closing::named_early(run) };
     if digests.exists() {
-        if !as_written::changes(run).is_empty() {
-            return Ok(None);
+        if let Some(stays) = Stays::is_changed(&as_written::changes(run)) {
+            return Ok(Some(Closed::Open(stays)));
         }
         if let Some(why) = unlike_signature(run, is_signed, sealer.key) {
-            return Ok(Some(Closed::Open(why)));
+            return Ok(Some(Closed::Open(Stays::Because(why))));
         }
         // The papers say that the run was closed in time. All but the journal and the samples is made again.
         set_aside(run)?;
     } else if contradicts(run, &record)? {
-        return Ok(None);
+        let why = format!(
+            "is left as it is because its {RECORD} says something else than its journal; restore it from a backup"
+        );
+        return Ok(Some(Closed::Open(Stays::Because(why))));
     }
     set_signature_aside(run, sealer.key)?;
     closing::clear_away(run)?;
     let folder = RunFolder::existing(run).signed_with(sealer.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
     let began = chain::begin(run, &by)?;
-    let plan = PlanFiles::found(run, &state);
     let made = [DIGESTS_BEFORE, SIGNATURE_BEFORE];
     let contents = Contents { state: &Mutex::new(state), plan: &plan, cut_off: &cut_off, made: &made };
     closing::close(&folder, &contents, &by, Some(&began))?;
@@ -100,7 +122,7 @@ fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -
         "ended{ended}, and its station ended, or could not write, before the run was in the chain; it is closed late now and never counts as a pass; \
          test {serial_number} again"
     );
-    Ok(Some(Closed::Late(said, folder.path().to_owned())))
+    Ok(Some(Closed::Late(ClosedLate { what: said, now: folder.path().to_owned(), early })))
 }
 
 /// Keeps the digests that a run had, which the new ones cover then: they prove what the run was when its station ended. Those
@@ -117,8 +139,14 @@ fn set_aside(run: &Path) -> Result<(), StoreError> {
 /// Keeps the signature of digests that were set aside, if it is theirs: a later one may be of digests that a kill prevented.
 fn set_signature_aside(run: &Path, key: Option<&StationKey>) -> Result<(), StoreError> {
     let (signature, kept) = (run.join(SIGNATURE), run.join(SIGNATURE_BEFORE));
-    let read = |name: &str| gnc_files::read_below(run, Path::new(name), MAX_RECORD_BYTES);
-    let (Ok(digests), Ok(signed), Some(key)) = (read(DIGESTS_BEFORE), read(SIGNATURE), key) else { return Ok(()) };
+    let read = |name: &str| match gnc_files::read_below(run, Path::new(name), MAX_RECORD_BYTES) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound || gnc_files::is_refused(&error).is_some() => Ok(None),
+        // The signature would be lost.
+        read => on(read, "read", &run.join(name)).map(Some),
+    };
+    let (Some(digests), Some(signed), Some(key)) = (read(DIGESTS_BEFORE)?, read(SIGNATURE)?, key) else {
+        return Ok(());
+    };
     if kept.symlink_metadata().is_ok() || !key.public().signed(&digests, &signed) {
         return Ok(());
     }

@@ -8,7 +8,7 @@
 use std::fs::{File, TryLockError};
 use std::io::{self, Write as _};
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use gnc_files::{PART, Part};
 
@@ -17,17 +17,12 @@ use super::entry::{ChainEntry, Kind, Place, Scribe};
 use super::read::{chain_of, counter, name_in};
 use super::{CHAIN, COUNTER, NOTHING, begin, tail};
 use crate::store::folder::sync_dir;
+use crate::store::lock;
 use crate::store::{DIGESTS, StoreError, digest, on, reader};
-
-/// Longest wait for another station that closes a run: that station writes two short files and waits for the disk.
-const LOCKED_FOR: Duration = Duration::from_secs(10);
 
 /// Number of newest days that are searched for the last line: a run that went on past midnight is closed in the day
 /// before.
 pub(super) const NEWEST_DAYS: usize = 3;
-
-/// Time between two looks at the lock.
-const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 /// Appends a closed run to the chain, without a station and a key.
 ///
@@ -116,39 +111,29 @@ fn is_not_the_last(number: u64) -> io::Result<()> {
 
 /// Takes the lock of the whole folder: only one station at a time. It is released when the descriptor is closed, which cannot fail.
 pub(super) fn lock(records: &Path) -> Result<File, StoreError> {
-    lock_within(records, LOCKED_FOR)
+    lock_within(records, lock::LOCKED_FOR)
 }
 
 /// Takes the lock for readers: any number of them at a time, and no station writes meanwhile. Who holds it keeps stations from beginning
 /// and closing runs, so it is for moments alone.
 pub(super) fn lock_shared(records: &Path) -> Result<File, StoreError> {
-    wait_for(records, LOCKED_FOR, File::try_lock_shared)
+    wait_for(records, lock::LOCKED_FOR, File::try_lock_shared)
 }
 
 pub(super) fn lock_within(records: &Path, wait: Duration) -> Result<File, StoreError> {
     wait_for(records, wait, File::try_lock)
 }
 
-#[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
 fn wait_for(
     records: &Path,
     wait: Duration,
     try_lock: fn(&File) -> Result<(), TryLockError>,
 ) -> Result<File, StoreError> {
-    let began = Instant::now();
     let folder = on(File::open(records), "read", records)?;
-    loop {
-        match try_lock(&folder) {
-            Ok(()) => return Ok(folder),
-            Err(TryLockError::WouldBlock) if began.elapsed() < wait => {}
-            Err(TryLockError::WouldBlock) => {
-                let why = format!("another program holds it for more than {} s", wait.as_secs());
-                return on(Err(io::Error::new(io::ErrorKind::ResourceBusy, why)), "lock", records);
-            }
-            Err(TryLockError::Error(error)) => return on(Err(error), "lock", records),
-        }
-        std::thread::sleep(LOOK_EVERY);
+    if on(lock::within(&folder, wait, try_lock), "lock", records)? {
+        return Ok(folder);
     }
+    lock::busy(format!("another program holds it for more than {} s", wait.as_secs()), records)
 }
 
 /// Tries whether a run could be closed here, and leaves everything as it was: whether the counter can be written, the newest
