@@ -15,8 +15,8 @@ use crate::doubt::Doubt;
 use crate::received::{LinkEvent, NoFrame};
 use crate::tape::Tape;
 pub use listener::{Heard, Listener};
-pub use port::try_open;
 pub(super) use port::{Port, PortEvent, PortLocation};
+pub use port::{locked, try_open};
 
 /// Bytes that may wait while the line does not take them: sixteen frames, more than can be in flight.
 const OUTGOING: usize = 16 * MAX_ON_WIRE;

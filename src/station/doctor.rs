@@ -139,34 +139,61 @@ pub(crate) fn look(named: Option<&Path>, records: Option<&Path>, sys: &Sys, proc
     let mut findings = Vec::new();
     let path = named.map_or_else(|| PathBuf::from(BENCH_FILE), Path::to_owned);
     let bench = bench_file(&path, named.is_some(), &mut findings);
-    if let Some(bench) = &bench {
+    if let Found::Read(bench) = &bench {
         socket(bench, &mut findings);
         let folder = path.parent().unwrap_or_else(|| Path::new(""));
         findings.extend(plans(bench, folder));
         findings.extend(key::look(bench, folder));
+        findings.extend(key::trusted(bench, folder));
         findings.extend(hook(bench, folder));
         findings.extend(lines::look(bench, sys, proc));
         findings.extend(bench.scanner.iter().flat_map(|scanner| scanner::look(scanner, proc)));
     }
-    let in_file = bench.as_ref().and_then(|bench| bench.records.as_ref());
-    let in_file = in_file.map(|records| path.parent().unwrap_or_else(|| Path::new("")).join(records));
-    let records = records.map(Path::to_owned).or(in_file).unwrap_or_else(|| RECORDS.into());
-    findings.extend(place::records(&records));
-    findings.extend(place::disk(&records));
-    findings.push(place::clock(&records));
+    // Before the lines below open files of their own: a run is refused by the same limit.
+    findings.extend(crate::threads::can_run().err().map(|refusal| Finding::bad(refusal.what, refusal.try_this)));
+    let records = match (records, &bench) {
+        (Some(named), _) => Some(named.to_owned()),
+        (None, Found::Read(bench)) => {
+            let named = bench.records.as_ref();
+            let in_file = named.map(|records| path.parent().unwrap_or_else(|| Path::new("")).join(records));
+            Some(in_file.unwrap_or_else(|| RECORDS.into()))
+        }
+        (None, Found::Nothing) => Some(RECORDS.into()),
+        (None, Found::Unreadable) => None,
+    };
+    match &records {
+        Some(records) => {
+            findings.extend(place::records(records));
+            findings.extend(place::disk(records));
+        }
+        None => findings.push(Finding::warning(
+            "where records go was not checked since the bench file decides that and could not be read",
+            "correct the bench file; then run doctor again",
+        )),
+    }
+    findings.push(place::clock(records.as_deref()));
     findings.push(place::terminal());
     findings.extend(crate::umask::doubt().map(|(what, mend)| Finding::warning(what, mend)));
     findings
 }
 
-fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<BenchFile> {
+/// What became of the bench file.
+enum Found {
+    Read(Box<BenchFile>),
+    /// None is named, and none is in this folder: runs use the defaults.
+    Nothing,
+    /// It has mistakes or cannot be read, so what it says is not known.
+    Unreadable,
+}
+
+fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Found {
     if !named && !files::is_there(path) {
         let what = format!(
             "there is no bench file {}, so only simulated modules (--sim) can be tested",
             gnc_text::shown_path(path)
         );
         findings.push(Finding::warning(what, "name one with --bench FILE, or write one as docs/bench.md shows"));
-        return None;
+        return Found::Nothing;
     }
     match files::bench(path) {
         Ok(bench) => {
@@ -175,11 +202,11 @@ fn bench_file(path: &Path, named: bool, findings: &mut Vec<Finding>) -> Option<B
                 gnc_text::shown_path(path),
                 bench.station_id
             )));
-            Some(bench)
+            Found::Read(Box::new(bench))
         }
         Err(refusal) => {
             findings.extend(mistakes(&refusal));
-            None
+            Found::Unreadable
         }
     }
 }

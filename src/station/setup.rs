@@ -346,11 +346,17 @@ fn trusted_keys(
     folder: Option<&Path>,
     own: Option<&StationKey>,
 ) -> Result<Vec<PublicKey>, CommandRefusal> {
-    let others = file.trusted_keys.iter().map(|key| {
-        let path = folder.unwrap_or_else(|| Path::new("")).join(key);
-        PublicKey::read(&path).map_err(|error| CommandRefusal::new(gnc_text::with_causes(&error), error.try_this()))
-    });
+    let others = file.trusted_keys.iter().map(|key| trusted_key(key, folder));
     own.map(|key| Ok(key.public())).into_iter().chain(others).collect()
+}
+
+/// Reads one of the public keys that a bench file names. Its path is relative to the folder of that file.
+pub(crate) fn trusted_key(named: &str, folder: Option<&Path>) -> Result<PublicKey, CommandRefusal> {
+    let path = folder.unwrap_or_else(|| Path::new("")).join(named);
+    PublicKey::read(&path).map_err(|error| {
+        let try_this = "put the public half of the other station's key there, or correct trusted_keys under [station] of the bench file";
+        CommandRefusal::new(gnc_text::with_causes(&error), try_this)
+    })
 }
 
 /// Returns the records folder. A relative path in a bench file starts at the folder of that file.

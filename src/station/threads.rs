@@ -30,6 +30,22 @@ const STAYS: Duration = Duration::from_secs(365 * 86_400);
 /// The system has too few threads for a run, or refuses the runtime.
 pub(crate) fn runtime() -> Result<Runtime, CommandRefusal> {
     let cannot = |error: io::Error| CommandRefusal::new(format_args!("cannot start: {error}"), "");
+    can_run()?;
+    let runtime = Builder::new_current_thread().enable_all().thread_keep_alive(STAYS).build().map_err(cannot)?;
+    // Each of them waits until all are there, else one thread would do the work of all.
+    let (held, waits): (Vec<_>, Vec<Receiver<()>>) = (0..WAITING).map(|_| channel()).unzip();
+    for wait in waits {
+        runtime.spawn_blocking(move || wait.recv());
+    }
+    drop(held);
+    Ok(runtime)
+}
+
+/// Whether the system gives the threads and files that a run takes: at the start of a run, and for `doctor`.
+///
+/// # Errors
+/// It gives too few.
+pub(crate) fn can_run() -> Result<(), CommandRefusal> {
     enough().map_err(|error| {
         CommandRefusal::new(
             format_args!("this computer cannot start the {OF_A_RUN} threads that a run takes: {error}"),
@@ -41,15 +57,7 @@ pub(crate) fn runtime() -> Result<Runtime, CommandRefusal> {
             format_args!("this program cannot open the {FILES_OF_A_RUN} files that a run takes: {error}"),
             "raise the limit: `ulimit -n`, or LimitNOFILE of the service; or end other programs of this computer",
         )
-    })?;
-    let runtime = Builder::new_current_thread().enable_all().thread_keep_alive(STAYS).build().map_err(cannot)?;
-    // Each of them waits until all are there, else one thread would do the work of all.
-    let (held, waits): (Vec<_>, Vec<Receiver<()>>) = (0..WAITING).map(|_| channel()).unzip();
-    for wait in waits {
-        runtime.spawn_blocking(move || wait.recv());
-    }
-    drop(held);
-    Ok(runtime)
+    })
 }
 
 /// A runtime beside a run, or without one, on the thread that asks for it.

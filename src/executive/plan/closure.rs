@@ -14,7 +14,7 @@ use super::{
     DEFAULT_VALID_DAYS, MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, MAX_REQUIRED_PLANS,
     MAX_VALID_DAYS, OnFail, Plan, PlanItem,
 };
-use crate::catalogue::ParamKind;
+use crate::catalogue::{ItemId, ParamKind};
 use crate::numbers::{self, NumberField};
 use crate::serial_number::{self, SerialNumberPattern};
 
@@ -44,6 +44,8 @@ struct Reader<'l> {
     load: &'l mut dyn FnMut(&str) -> Result<Vec<u8>, UnreadInclude>,
     sources: Vec<SourceText>,
     items: Vec<RawItem>,
+    /// Items of the files so far, whether they are read or too many.
+    planned: usize,
     parts: Vec<RawTable>,
     /// Whether an item or include could not be read; an unknown name may then be right.
     unreadable: bool,
@@ -76,14 +78,15 @@ pub(super) fn read(
         load,
         sources,
         items: Vec::new(),
+        planned: 0,
         parts: Vec::new(),
         unreadable: false,
         mistakes: Mistakes::default(),
     };
     let head = reader.file(0, &mut vec![0])?;
-    let Reader { sources, items, parts, unreadable, mut mistakes, .. } = reader;
-    if items.len() > MAX_ITEMS {
-        let what = format!("the plan has {} items, and at most {MAX_ITEMS} are run", items.len());
+    let Reader { sources, items, planned, parts, unreadable, mut mistakes, .. } = reader;
+    if planned > MAX_ITEMS {
+        let what = format!("the plan has {planned} items, and at most {MAX_ITEMS} are run");
         mistakes.add(|| Mistake::nowhere(what, "use repeats, or a loop over a shorter plan"));
     }
     if items.is_empty() && !unreadable && mistakes.iter().next().is_none() {
@@ -141,8 +144,11 @@ impl Reader<'_> {
             walk.mistake(root.span(), "the plan has no items", "begin each item with a line [[item]]");
         }
         let planned = tables.len();
+        self.planned = self.planned.saturating_add(planned);
+        // Too many are counted and not looked at: the plan is refused in any case, and to read them takes long.
+        let read = if self.planned > MAX_ITEMS { 0 } else { planned };
         let own: Vec<RawItem> =
-            tables.into_iter().filter_map(|table| item::read(&walk, table, (index, &source.name))).collect();
+            tables.into_iter().take(read).filter_map(|table| item::read(&walk, table, (index, &source.name))).collect();
         self.unreadable |= own.len() < planned;
         root.finish();
         self.mistakes = walk.into_mistakes();
@@ -300,7 +306,11 @@ fn link(mut raw: Vec<RawItem>, sources: &[SourceText], unreadable: bool, mistake
         }
     }
     check_questions(&raw, sources, mistakes);
-    let linker = Linker { raw: &raw, positions: &positions, sources, unreadable };
+    let mut first: HashMap<ItemId, usize> = HashMap::new();
+    for (position, raw) in raw.iter().enumerate() {
+        first.entry(raw.item.id).or_insert(position);
+    }
+    let linker = Linker { raw: &raw, positions: &positions, first: &first, sources, unreadable };
     let requires: Vec<Vec<usize>> = (0..raw.len()).map(|position| linker.requirements(position, mistakes)).collect();
     drop(positions);
     raw.into_iter().zip(requires).map(|(raw, requires)| PlanItem { requires, ..raw.item }).collect()
@@ -324,6 +334,8 @@ fn check_questions(raw: &[RawItem], sources: &[SourceText], mistakes: &mut Mista
 struct Linker<'a> {
     raw: &'a [RawItem],
     positions: &'a HashMap<&'a str, usize>,
+    /// Where the first item of each kind stands.
+    first: &'a HashMap<ItemId, usize>,
     sources: &'a [SourceText],
     unreadable: bool,
 }
@@ -395,7 +407,7 @@ impl Linker<'_> {
     fn check_needs(&self, position: usize, mistakes: &mut Mistakes) {
         let item = &self.raw[position].item;
         for (need, when) in item.id.spec().needs {
-            let there = self.raw[..position].iter().any(|raw| raw.item.id == *need);
+            let there = self.first.get(need).is_some_and(|first| *first < position);
             if !there && !self.unreadable && item.params.switch_on(*when) {
                 let what = format!("{} uses the results of {need}, and no {need} comes before it", quoted(&item.name));
                 let hint = format!("put an item with id = \"{need}\" before it");

@@ -93,6 +93,16 @@ fn a_plan_of_twenty_thousand_items_is_read() {
     );
 }
 
+/// Items that are too many are counted alone: each of these has mistakes of its own, and to look at all of them takes long.
+#[test]
+fn items_that_are_too_many_are_not_looked_at() {
+    let text = format!("name = \"long\"\nversion = \"1\"\n{}", "[[item]]\nid = \"no\"\n".repeat(150_000));
+    assert_eq!(
+        mistakes(&text),
+        "the plan has 150000 items, and at most 20000 are run\n  try: use repeats, or a loop over a shorter plan"
+    );
+}
+
 fn judged(item: &PlanItem, values: &[(&str, Value)]) -> Outcome {
     let measurements: Vec<Measurement> =
         values.iter().map(|(name, value)| item.judge(name, value, 1, "DEMO-1")).collect();

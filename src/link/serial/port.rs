@@ -272,6 +272,13 @@ fn explain(port: &Path, source: tokio_serial::Error) -> OpenError {
     }
 }
 
+/// Whether another program has locked the port, as the kernel's list of locks tells: without opening the port, which would set its
+/// lines and may reset what is at its other end.
+#[must_use]
+pub fn locked(port: &Path) -> Option<OpenError> {
+    holder(port).map(|holder| OpenError::Busy { port: port.to_owned(), holder: Some(holder) })
+}
+
 fn busy(port: PathBuf) -> OpenError {
     let holder = holder(&port);
     OpenError::Busy { port, holder }

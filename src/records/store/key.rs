@@ -84,6 +84,11 @@ impl KeyError {
             Self::File { source, .. } if source.kind() == io::ErrorKind::AlreadyExists => {
                 "the station does not overwrite a key: move the old key away, and keep its public half to verify its runs"
             }
+            Self::File { source, .. }
+                if matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) =>
+            {
+                "make room on the disk and run again"
+            }
             Self::File { what: "write", .. } => "name a file in a folder that exists and that this user may write to",
             Self::File { source, .. } => match (source.kind(), gnc_files::is_refused(source)) {
                 (_, Some(gnc_files::Refused::Folder)) => "name the file of the key, not its folder",
@@ -282,6 +287,19 @@ fn on<T>(result: io::Result<T>, what: &'static str, path: &Path) -> Result<T, Ke
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A full disk is no matter of the folder.
+    #[test]
+    fn a_full_disk_is_told_apart_from_a_folder_that_is_wrong() {
+        let hint = |kind: io::ErrorKind| {
+            let error: Result<(), KeyError> = on(Err(kind.into()), "write", Path::new("station.key"));
+            error.map_err(|error| error.try_this()).unwrap_err()
+        };
+        for full in [io::ErrorKind::StorageFull, io::ErrorKind::QuotaExceeded] {
+            assert_eq!(hint(full), "make room on the disk and run again");
+        }
+        assert!(hint(io::ErrorKind::NotFound).starts_with("name a file in a folder that exists"));
+    }
 
     /// RFC 8032, section 7.1, test 2: one byte.
     #[test]

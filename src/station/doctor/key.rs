@@ -1,4 +1,4 @@
-//! Tries the station's key, as a run would read it.
+//! Tries the station's key, and reads the keys that it trusts, as a run would.
 
 use std::path::Path;
 
@@ -37,6 +37,19 @@ pub(super) fn look(bench: &BenchFile, folder: &Path) -> Vec<Finding> {
         Err(error) => Some(unreadable(&error)),
     });
     findings
+}
+
+/// Reads the public keys of other stations that the bench file names: a run reads them all, and begins with none missing.
+pub(super) fn trusted(bench: &BenchFile, folder: &Path) -> Vec<Finding> {
+    let look = |named: &String| match setup::trusted_key(named, Some(folder)) {
+        Ok(key) => Finding::good(format!(
+            "the key {} is trusted with the fingerprint {}",
+            shown_path(&folder.join(named)),
+            key.fingerprint()
+        )),
+        Err(refusal) => Finding::bad(refusal.what, refusal.try_this),
+    };
+    bench.trusted_keys.iter().map(look).collect()
 }
 
 fn unreadable(error: &KeyError) -> Finding {

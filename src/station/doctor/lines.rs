@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use chrono::Local;
 use gnc_executive::bench::{BenchFile, TestSocket};
 use gnc_link::can::{CanTarget, slcan};
-use gnc_link::{Doubt, Link, Target};
+use gnc_link::{Doubt, Link, Target, serial};
 use gnc_protocol::message::capability;
 use gnc_text::with_causes;
 
@@ -46,17 +46,23 @@ pub(super) fn look(bench: &BenchFile, sys: &Sys, proc: &Proc) -> Vec<Finding> {
     let mut findings = Vec::new();
     let (mut usable, mut taken) = (Vec::new(), false);
     for line in lines(bench) {
+        // First who has it: to open a port sets its lines, and may reset a board that another program works with.
+        let others = others(&line, proc);
+        if !others.is_empty() {
+            taken = true;
+            findings.extend(others);
+            findings.extend(unproven(&line.target));
+            continue;
+        }
         let itself = line.itself(sys);
-        // A port that another program has locked is a warning, and cannot be opened.
+        // The kernel's list of locks may be hidden, so a port that another program has locked may show itself only now.
         let busy = line.device().is_some_and(|(device, rate_baud)| port::is_busy(device, rate_baud));
         let opens = !busy && itself.iter().all(|finding| finding.health != Health::Bad);
         findings.extend(itself);
         if opens || busy {
             findings.extend(unproven(&line.target));
         }
-        let others = if opens { others(&line, proc) } else { Vec::new() };
-        taken |= busy || !others.is_empty();
-        findings.extend(others);
+        taken |= busy;
         if opens {
             usable.push(line);
         }
@@ -100,9 +106,12 @@ fn lines(bench: &BenchFile) -> Vec<Line> {
     lines
 }
 
-/// A finding for each other program that has the port open.
+/// A finding for the program that has locked the port, or for each that has it open. The port is not opened for that.
 fn others(line: &Line, proc: &Proc) -> Vec<Finding> {
-    let Some((device, _)) = line.device() else { return Vec::new() };
+    let Some((device, _)) = line.device().filter(|(device, _)| port::may_be_one(device)) else { return Vec::new() };
+    if let Some(error) = serial::locked(device) {
+        return vec![Finding::warning(error.to_string(), error.try_this())];
+    }
     let shown = gnc_text::shown_path(device);
     let told = |holder: super::holders::Holder| {
         let what = format!(

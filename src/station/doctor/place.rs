@@ -5,6 +5,7 @@ use std::path::Path;
 
 use gnc_bench::clock;
 use gnc_records::store::{chain, reader};
+use nix::errno::Errno;
 use nix::sys::statvfs::statvfs;
 use nix::unistd::{AccessFlags, access};
 
@@ -28,13 +29,13 @@ pub(super) fn records(folder: &Path) -> Vec<Finding> {
     }
     if !folder.exists() {
         let there = existing(folder);
-        return vec![match access(there, AccessFlags::W_OK) {
+        return vec![match access(there, AccessFlags::W_OK).and_then(|()| try_out(there)) {
             Ok(()) => Finding::good(format!("records go to {shown}, which the first run creates")),
             Err(error) => Finding::bad(
                 format!(
                     "records cannot go to {shown}: {} is not writable ({})",
                     gnc_text::shown_path(there),
-                    error.desc()
+                    std::io::Error::from(error)
                 ),
                 "choose another folder with records = under [station], or make this one writable",
             ),
@@ -42,7 +43,7 @@ pub(super) fn records(folder: &Path) -> Vec<Finding> {
     }
     if let Err(error) = access(folder, AccessFlags::R_OK | AccessFlags::W_OK | AccessFlags::X_OK) {
         let mend = format!("sudo chown $USER {shown}; or remount it writable");
-        return vec![Finding::bad(format!("records cannot go to {shown}: {}", error.desc()), mend)];
+        return vec![Finding::bad(format!("records cannot go to {shown}: {}", std::io::Error::from(error)), mend)];
     }
     let mut findings = vec![Finding::good(format!("records go to {shown}"))];
     if let Err(error) = chain::try_out(folder) {
@@ -76,9 +77,9 @@ pub(super) fn disk(folder: &Path) -> Option<Finding> {
 }
 
 /// Checks the clock as a run does. A clock that was set back gives folders of a day that already exists.
-pub(super) fn clock(folder: &Path) -> Finding {
+pub(super) fn clock(folder: Option<&Path>) -> Finding {
     let now = clock::now();
-    let newest = reader::newest_day(folder);
+    let newest = folder.and_then(reader::newest_day);
     let mend = "sudo timedatectl set-ntp true";
     match (clock::check(now, version::program().build.as_ref(), newest), newest) {
         (Err(error), _) => Finding::bad(error.to_string(), mend),
@@ -100,6 +101,14 @@ pub(super) fn terminal() -> Finding {
         return Finding::warning(what, "make it 80x24 or larger: the screen needs that much");
     }
     Finding::good(what)
+}
+
+/// Creates a folder in this one and takes it away again: the kernel lets root write in folders, such as `/proc`, in which
+/// nothing can be made.
+fn try_out(there: &Path) -> Result<(), Errno> {
+    let tried = there.join(format!(".doctor-{}", std::process::id()));
+    let tries = std::fs::create_dir(&tried).and_then(|()| std::fs::remove_dir(&tried));
+    tries.map_err(|error| error.raw_os_error().map_or(Errno::EIO, Errno::from_raw))
 }
 
 /// The folder, or the nearest folder above it that exists.

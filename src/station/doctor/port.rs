@@ -10,11 +10,20 @@ use super::{Finding, Health, Sys};
 
 /// FTDI adapters keep a byte this long to fill a packet. The waits of the ICD allow for an adapter that waits a little.
 const LATENCY_MS: i64 = 2;
+/// The kernel's number of the devices that are no hardware: `/dev/null`, `/dev/zero` and their like.
+const MEMORY_DEVICES: u64 = 1;
 
 pub(super) fn look(port: &Path, rate_baud: u32, sys: &Sys) -> Vec<Finding> {
     let found = opens(port, rate_baud, "[socket] port");
     let latency = latency(port, sys).filter(|_| found.health != Health::Bad);
     [found].into_iter().chain(latency).collect()
+}
+
+/// Whether it is a device that may be a serial port, as far as that can be told without opening it. Half of all programs have
+/// `/dev/null` open.
+pub(super) fn may_be_one(port: &Path) -> bool {
+    std::fs::metadata(port)
+        .is_ok_and(|meta| meta.file_type().is_char_device() && nix::sys::stat::major(meta.rdev()) != MEMORY_DEVICES)
 }
 
 /// Whether the port is there and opens; `key` is that of the bench file which names it.

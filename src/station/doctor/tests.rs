@@ -130,9 +130,9 @@ fn the_latency_timer_is_read() {
 #[test]
 fn a_clock_before_the_newest_record_is_bad() {
     let folder = tempfile::tempdir().expect("a folder");
-    assert_eq!(place::clock(folder.path()).health, Health::Good);
+    assert_eq!(place::clock(Some(folder.path())).health, Health::Good);
     fs::create_dir_all(folder.path().join("2999-01-01/SN-1")).expect("a folder");
-    let found = place::clock(folder.path());
+    let found = place::clock(Some(folder.path()));
     assert_eq!(found.health, Health::Bad);
     assert!(found.what.ends_with("there are records of 2999-01-01"), "{found}");
 }

@@ -6,9 +6,12 @@
 //!
 //! The rules are pure: bytes come with the time at which they came, and nobody looks at a clock here.
 
+mod etx;
+
 use std::time::Duration;
 
 use super::decode::{Dialect, Key, KeyDecoder, whole_sequence};
+use etx::{Etx, HeldEtx};
 
 /// Characters of a hand are further apart than this. The fastest typists reach 80 ms, now and then two keys roll within 20 ms;
 /// scanners type a character in 1 to 15 ms.
@@ -64,6 +67,8 @@ pub(crate) struct InputReader {
     frame_until: Option<Duration>,
     /// When the last byte came.
     last_at: Duration,
+    /// Ctrl-C, which may be the head of a code.
+    etx: HeldEtx,
 }
 
 /// Bytes that came at once and are not told yet.
@@ -86,9 +91,13 @@ impl InputReader {
 
     /// Takes bytes that came at this time.
     pub(crate) fn feed(&mut self, at: Duration, bytes: &[u8], out: &mut Vec<Input>) {
-        self.pass_time(at, out);
+        // Not what ctrl-C waits for: these bytes may have come before this program found time to read them.
+        self.settle(at, out);
         let mut rest = bytes;
         while let Some(first) = rest.first() {
+            if self.etx.byte_comes(at, *first) {
+                self.tell_keys(at, vec![Key::Ctrl('c')], out);
+            }
             let taken = match whole_sequence(rest) {
                 _ if self.decoder.is_pasting() => self.keys(at, &rest[..1], out),
                 // Only what came in one piece: a terminal sends a key so, a scanner types it character by character.
@@ -111,11 +120,20 @@ impl InputReader {
         if self.decoder.is_pasting() {
             return Some(self.last_at + REST_OF_PASTE);
         }
-        (!self.burst.bytes.is_empty()).then(|| self.last_at + self.burst.rest())
+        // What ctrl-C waits for may have come already.
+        if self.burst.bytes.is_empty() { self.etx.due_at() } else { Some(self.last_at + self.burst.rest()) }
     }
 
     /// Takes note that it is this late. What came may then be whole.
     pub(crate) fn pass_time(&mut self, at: Duration, out: &mut Vec<Input>) {
+        self.settle(at, out);
+        if self.burst.bytes.is_empty() && self.etx.is_due(at) {
+            self.tell_keys(at, vec![Key::Ctrl('c')], out);
+        }
+    }
+
+    /// Tells what the silence up to this time makes whole.
+    fn settle(&mut self, at: Duration, out: &mut Vec<Input>) {
         if self.decoder.is_pasting() && at >= self.last_at + REST_OF_PASTE {
             self.decoder.end_paste();
         }
@@ -202,6 +220,13 @@ impl InputReader {
         }
         if burst.began_at > self.recent_at + REST_OF_SCAN {
             self.recent = 0;
+        }
+        if let Some(at) = keys.iter().position(|key| *key == Key::Ctrl('c')) {
+            match self.etx.pressed(burst.began_at, &keys) {
+                Etx::Waits => return,
+                Etx::IsKey => {}
+                Etx::IsSecondKey => keys.insert(at, Key::Ctrl('c')),
+            }
         }
         self.tell_keys(self.last_at, keys, out);
     }

@@ -164,3 +164,31 @@ fn a_bench_with_a_scanner_is_looked_at() {
     let found = crate::doctor::look(Some(&bench), Some(folder.path()), &crate::doctor::Sys::default(), &nobody);
     assert!(found.iter().any(|finding| finding.what == "scanner: port /dev/ttyNOWHERE is not there"), "{found:?}");
 }
+
+/// A port that another program has is not opened: that would set its modes. A lock names its holder, as a run would.
+#[test]
+fn a_port_in_use_is_not_opened() {
+    let (pty, port) = pseudo_terminal();
+    let folder = tempfile::tempdir().expect("a folder");
+    let text =
+        format!("[station]\nid = \"line-2\"\n[socket]\nport = \"{}\"\nrate = \"921600 bit/s\"\n", port.display());
+    let bench = gnc_executive::bench::BenchFile::read("bench.toml", text.into_bytes()).expect("a bench");
+    let modes = || nix::sys::termios::tcgetattr(&pty.slave).expect("modes").local_flags;
+    let before = modes();
+    let proc = folder.path().join("proc");
+    process(&proc, 901, "minicom\0", &[&port]);
+    let found = crate::doctor::lines::look(&bench, &crate::doctor::Sys::default(), &Proc(proc));
+    assert_eq!(modes(), before, "the port was opened");
+    assert_eq!(found[0].health, Health::Bad, "{found:?}");
+    assert!(found[0].what.contains("is open in another program too: process 901 (minicom)"), "{found:?}");
+    assert!(found.iter().any(|finding| finding.what.starts_with("the board was not asked")), "{found:?}");
+
+    let held = fs::File::open(&port).expect("the port");
+    held.lock().expect("a lock");
+    let nobody = Proc(folder.path().join("nobody"));
+    let found = crate::doctor::lines::look(&bench, &crate::doctor::Sys::default(), &nobody);
+    assert_eq!(modes(), before, "the port was opened");
+    assert_eq!(found[0].health, Health::Warning, "{found:?}");
+    let holder = format!("(process {})", std::process::id());
+    assert!(found[0].what.contains("is in use by ") && found[0].what.ends_with(&holder), "{found:?}");
+}

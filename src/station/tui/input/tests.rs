@@ -65,6 +65,69 @@ fn the_etx_of_a_short_code_stops_nothing() {
     assert_eq!(keys(&read(&typed(200, b"\x03\x03"))), [Key::Ctrl('c'), Key::Ctrl('c')]);
 }
 
+/// Frames, and gaps of milliseconds between characters as scanners have them: 9600 baud, a cable, Bluetooth, and slow ones. A wireless
+/// one sends the head first. Whether the code comes as a scan or as keys, its head is no ctrl-C.
+#[test]
+fn the_etx_before_a_slow_code_is_its_head() {
+    let tails: [&[u8]; 6] = [b"", b"\r", b"\r\n", b"\t", b"\x03", b"\x03\r"];
+    for head in [&b"\x03"[..], b"\x03\x02", b"\x02\x03", b"\x03\x1d"] {
+        for (after_head, gap) in
+            [(1, 1), (12, 12), (40, 1), (40, 12), (140, 29), (35, 35), (120, 31), (240, 240), (450, 29)]
+        {
+            for tail in tails {
+                let code = [b"SN-0001-of-a-long-code-0123456789", tail].concat();
+                let mut pieces = typed(gap, &code);
+                pieces[0].0 = after_head;
+                let pieces: Vec<(u64, &[u8])> = typed(gap, head).into_iter().chain(pieces).collect();
+                let told = read(&pieces);
+                let first = told.iter().position(|input| *input == Input::Key(Key::Ctrl('c')));
+                let behind = told.iter().position(|input| *input == Input::Key(Key::Char('9'))).unwrap_or_default();
+                // Behind all characters it is the end of the code: the screen passes that over.
+                assert!(
+                    first.is_none_or(|first| first > behind && tail.contains(&3)),
+                    "{} {after_head} {gap} {}: {told:?}",
+                    head.escape_ascii(),
+                    tail.escape_ascii()
+                );
+            }
+        }
+    }
+    // Scans one behind the other: the end of the first and the head of the second stand together.
+    let both = typed(120, b"\x03SN-1\x03\x03SN-2\x03");
+    let pressed = keys(&read(&both)).iter().filter(|key| **key == Key::Ctrl('c')).count();
+    assert_eq!(pressed, 2, "the two ends alone");
+}
+
+/// A hand waits half a second for its stop, and no longer; its second press comes with the first. Another key does not wait.
+#[test]
+fn a_hand_presses_ctrl_c() {
+    let (mut reader, mut out) = (InputReader::default(), Vec::new());
+    reader.feed(ms(1000), b"\x03", &mut out);
+    wait(&mut reader, ms(1500), &mut out);
+    assert_eq!(out, []);
+    wait(&mut reader, ms(1501), &mut out);
+    assert_eq!(keys(&out), [Key::Ctrl('c')]);
+    for gap in [40, 200, 490] {
+        let (mut reader, mut out) = (InputReader::default(), Vec::new());
+        reader.feed(ms(1000), b"\x03", &mut out);
+        wait(&mut reader, ms(1000 + gap), &mut out);
+        reader.feed(ms(1000 + gap), b"\x03", &mut out);
+        wait(&mut reader, ms(1000 + gap + 31), &mut out);
+        assert_eq!(keys(&out), [Key::Ctrl('c'); 2], "{gap} ms");
+    }
+    for (behind, key) in [(&b"\x1b[19~"[..], Key::F(8)), (b"\r", Key::Enter), (b"\x1b", Key::Esc)] {
+        assert_eq!(keys(&read(&[(0, b"\x03"), (200, behind)])), [Key::Ctrl('c'), key]);
+    }
+    assert_eq!(keys(&read(&[(0, b"\x03"), (501, b"x")])), [Key::Ctrl('c'), Key::Char('x')]);
+    // A program that had no time to read does not take the rest of a code for silence.
+    let (mut reader, mut out) = (InputReader::default(), Vec::new());
+    reader.feed(ms(1000), b"\x03", &mut out);
+    reader.feed(ms(5000), b"SN-0001\r", &mut out);
+    assert_eq!(out, [scan(b"SN-0001\r", true)]);
+    // Held down.
+    assert_eq!(keys(&read(&typed(33, b"\x03").repeat(10))), [Key::Ctrl('c'); 10]);
+}
+
 /// Nothing that belongs to a scan is a key: no line end, no Tab, no control character, no escape sequence.
 #[test]
 fn the_frame_of_a_scan_is_no_key() {
