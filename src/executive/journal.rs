@@ -128,6 +128,7 @@ pub fn fold_from(source: impl BufRead) -> Result<StoredJournal, FoldError> {
     let mut good_bytes = 0;
     while let Some(piece) = lines.next_line()? {
         let line = piece.number;
+        Kept::check_line(line, piece.bytes)?;
         let event: Event = match serde_json::from_slice(piece.bytes) {
             Ok(event) => event,
             // Only the last line can be cut off, and then it has no line end. A line that lacks only its end is whole.
@@ -149,7 +150,7 @@ pub fn fold_from(source: impl BufRead) -> Result<StoredJournal, FoldError> {
         }
         // The state keeps the first notes only, and the journal of a long run may have many.
         if !matches!(event.kind, EventKind::Note { .. }) || !state.has_all_notes() {
-            kept.add(line, piece.bytes.len(), &event.kind)?;
+            kept.add(line, piece.bytes, &event.kind)?;
         }
         good_bytes += piece.bytes.len();
         state.apply(&event).map_err(|source| JournalError::OutOfOrder { line, source })?;

@@ -4,13 +4,21 @@
 use super::JournalError;
 use crate::event::{Event, EventKind};
 
-/// Most bytes of memory that the events of a run may take: 800,000 measurements, or 48 MB of details. The journal of an
+/// Most bytes of memory that the events of a run may take: 800,000 measurements, or details with 3 million numbers. The journal of an
 /// acceptance has a thousandth of that.
 pub const MOST_KEPT: u64 = 384 << 20;
-/// Bytes of memory for a byte of a line with details: `0,` becomes a number of eight bytes, and a list grows beyond its end.
-const OF_DETAILS: u64 = 8;
-/// Bytes of memory for a byte of any other line: names and texts have heads of their own.
+/// Bytes of memory for a byte of a line without details: names and texts have heads of their own.
 const OF_OTHERS: u64 = 2;
+/// What a value within a line takes, in bytes: 32 while the line is read and 32 as details, and a list has room to grow.
+const OF_VALUE: u64 = 128;
+/// What a list takes beside its values: it makes room for four at once.
+const OF_LIST: u64 = 288;
+/// What an object takes beside its values: it makes room for eleven at once.
+const OF_OBJECT: u64 = 920;
+/// What the name of a value takes beside its bytes.
+const OF_NAME: u64 = 300;
+/// What one end of a text takes beside its bytes.
+const OF_QUOTE: u64 = 32;
 
 /// What the events so far take.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,16 +27,59 @@ pub struct Kept {
 }
 
 impl Kept {
+    /// Looks at a line before it is read: a few megabytes of empty lists become a gigabyte.
+    ///
+    /// # Errors
+    /// It takes more than any run of this station.
+    pub fn check_line(line: usize, bytes: &[u8]) -> Result<(), JournalError> {
+        // That a short line may take as much is impossible, and most are short.
+        if (bytes.len() as u64).saturating_mul(OF_OBJECT) > MOST_KEPT && weight(bytes) > MOST_KEPT {
+            return Err(JournalError::TooMuch { line });
+        }
+        Ok(())
+    }
+
     /// Counts the event of a line.
     ///
     /// # Errors
     /// The events so far take more than any run of this station.
-    pub fn add(&mut self, line: usize, bytes: usize, kind: &EventKind) -> Result<(), JournalError> {
-        let of_byte = if matches!(kind, EventKind::Found { .. }) { OF_DETAILS } else { OF_OTHERS };
-        let taken = (bytes as u64).saturating_mul(of_byte).max(size_of::<Event>() as u64);
-        self.bytes = self.bytes.saturating_add(taken);
+    pub fn add(&mut self, line: usize, bytes: &[u8], kind: &EventKind) -> Result<(), JournalError> {
+        let taken = match kind {
+            EventKind::Found { .. } => weight(bytes),
+            _ => (bytes.len() as u64).saturating_mul(OF_OTHERS),
+        };
+        self.bytes = self.bytes.saturating_add(taken.max(size_of::<Event>() as u64));
         if self.bytes > MOST_KEPT { Err(JournalError::TooMuch { line }) } else { Ok(()) }
     }
+}
+
+/// The memory that a line of JSON takes at most while it is read.
+fn weight(bytes: &[u8]) -> u64 {
+    let (mut weight, mut in_text, mut escaped) = (bytes.len() as u64, false, false);
+    for byte in bytes {
+        let of = match byte {
+            _ if escaped => {
+                escaped = false;
+                0
+            }
+            b'\\' if in_text => {
+                escaped = true;
+                0
+            }
+            b'"' => {
+                in_text = !in_text;
+                OF_QUOTE
+            }
+            _ if in_text => 0,
+            b',' => OF_VALUE,
+            b':' => OF_NAME,
+            b'[' => OF_LIST,
+            b'{' => OF_OBJECT,
+            _ => 0,
+        };
+        weight = weight.saturating_add(of);
+    }
+    weight
 }
 
 #[cfg(test)]
@@ -40,9 +91,25 @@ mod tests {
     fn what_is_kept_has_a_bound() {
         let note = EventKind::Note { level: NoteLevel::Info, text: "x".into(), item: None };
         let mut kept = Kept::default();
-        let most = (MOST_KEPT / OF_OTHERS) as usize;
-        assert!(kept.add(1, most, &note).is_ok());
-        assert!(matches!(kept.add(7, 1, &note), Err(JournalError::TooMuch { line: 7 })));
-        assert!(matches!(Kept::default().add(3, usize::MAX, &note), Err(JournalError::TooMuch { line: 3 })));
+        let most = vec![b'x'; (MOST_KEPT / OF_OTHERS) as usize];
+        assert!(kept.add(1, &most, &note).is_ok());
+        assert!(matches!(kept.add(7, b"x", &note), Err(JournalError::TooMuch { line: 7 })));
+    }
+
+    /// Lines far below the longest one, and what each kind of value takes in memory: more than what stands here.
+    #[test]
+    fn a_line_that_becomes_too_much_is_refused_before_it_is_read() {
+        for (value, least_taken) in [("0,", 64), ("[0],", 176), ("{\"\":0},", 700), ("[],", 64), ("\"\",", 64)] {
+            let line = value.repeat(16 << 10);
+            let taken = 16 * 1024 * least_taken;
+            assert!(weight(line.as_bytes()) >= taken, "{value} counts less than it takes");
+            let too_much = value.repeat((MOST_KEPT / least_taken) as usize);
+            let refused = Kept::check_line(5, too_much.as_bytes());
+            assert!(matches!(refused, Err(JournalError::TooMuch { line: 5 })), "{value}");
+            assert!(Kept::check_line(5, line.as_bytes()).is_ok(), "{value}");
+        }
+        // A long text takes its own bytes, whatever stands in it.
+        let text = format!("\"{}\\\"{}\"", "[{,:".repeat(1 << 20), "[{,:".repeat(1 << 20));
+        assert!(Kept::check_line(1, text.as_bytes()).is_ok());
     }
 }

@@ -461,9 +461,10 @@ pub fn events(folder: &Path) -> Result<Vec<Event>, ReadError> {
     let mut events: Vec<Event> = Vec::new();
     let mut kept = Kept::default();
     while let Some(line) = lines.next_line().map_err(|error| ReadError::of_fold(path.clone(), error))? {
+        Kept::check_line(line.number, line.bytes).map_err(|error| ReadError::of_fold(path.clone(), error.into()))?;
         // In an interrupted run the last line may be cut off; the fold found all others good.
         let Ok(event) = serde_json::from_slice::<Event>(line.bytes) else { break };
-        let counted = kept.add(line.number, line.bytes.len(), &event.kind);
+        let counted = kept.add(line.number, line.bytes, &event.kind);
         counted.map_err(|error| ReadError::of_fold(path.clone(), error.into()))?;
         events.push(event);
     }

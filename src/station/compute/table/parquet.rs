@@ -1,11 +1,17 @@
 //! Tables in Apache Parquet. Reads only the wanted columns, which hold numbers or texts without nesting.
 
+mod claims;
+mod pages;
+#[cfg(test)]
+mod tests;
+mod thrift;
+
 use std::collections::HashMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use ::parquet::basic::{LogicalType, TimeUnit, Type};
-use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use ::parquet::basic::{Compression, LogicalType, TimeUnit, Type};
+use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use ::parquet::data_type::{ByteArray, DataType};
 use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
@@ -15,7 +21,9 @@ use super::names::Header;
 use super::number::{Decimal, Form};
 use super::sheet::{self, Cells};
 use super::source::{FREE_UNPACKED, MOST_UNPACKED};
-use super::{MOST_VALUES, ReadingOptions, TableError, tell_size};
+use super::{MOST_VALUES, ReadingOptions, TableError, tell_size, time};
+use claims::{Claim, Stretch};
+use pages::{CheckedPages, guarded};
 
 /// Records that are read at once.
 const BATCH: usize = 1 << 16;
@@ -25,6 +33,8 @@ const MOST_TEXTS: usize = 1 << 16;
 /// A Parquet file whose schema was read.
 pub(super) struct Sheet {
     path: PathBuf,
+    /// The file once more, to look at its claims.
+    file: File,
     reader: SerializedFileReader<File>,
     file_bytes: u64,
     pub(super) header: Header,
@@ -34,8 +44,11 @@ pub(super) struct Sheet {
 
 impl Sheet {
     pub(super) fn open(path: &Path, file: File) -> Result<Self, TableError> {
-        let file_bytes = file.metadata().map_err(|source| TableError::Io { path: path.to_owned(), source })?.len();
-        let reader = SerializedFileReader::new(file).map_err(|e| damaged(path, &e))?;
+        let fail = |source| TableError::Io { path: path.to_owned(), source };
+        let file_bytes = file.metadata().map_err(fail)?.len();
+        claims::check_footer(&file, file_bytes).map_err(|claim| refused(path, &claim))?;
+        let read = file.try_clone().map_err(fail)?;
+        let reader = guarded(|| SerializedFileReader::new(read)).map_err(|e| damaged(path, &e))?;
         let schema = reader.metadata().file_metadata().schema_descr();
         let mut texts = Vec::new();
         let mut leaves = Vec::new();
@@ -58,7 +71,7 @@ impl Sheet {
         let units =
             leaves.iter().map(|(_, unit)| if unit.is_some() { "s".to_owned() } else { String::new() }).collect();
         let header = Header::new(path, 1, texts, Some(units))?;
-        Ok(Self { path: path.to_owned(), reader, file_bytes, header, leaves })
+        Ok(Self { path: path.to_owned(), file, reader, file_bytes, header, leaves })
     }
 
     pub(super) fn read(
@@ -67,10 +80,16 @@ impl Sheet {
         reading: &ReadingOptions,
         sensor: Option<&str>,
     ) -> Result<Columns, TableError> {
-        let first_row: Vec<String> = (0..self.leaves.len()).map(|place| self.first(place)).collect();
+        // The first cells tell what a column of time holds.
+        let is_time: Vec<bool> = self.header.names.iter().map(time::is_time).collect();
+        let times = (0..self.leaves.len()).filter(|place| is_time[*place]);
+        times.clone().try_for_each(|place| self.check_pages(place))?;
+        let mut first_row = vec![String::new(); self.leaves.len()];
+        times.for_each(|place| first_row[place] = self.first(place));
         let form = Form::Known(Decimal::Point);
         let plan = ColumnPlan::new(&self.path, &self.header, (&first_row, form), wanted, reading, sensor)?;
         self.check_size(plan.roles.iter().map(|(place, _)| *place))?;
+        plan.roles.iter().filter(|(place, _)| !is_time[*place]).try_for_each(|(place, _)| self.check_pages(*place))?;
         let rows = usize::try_from(self.reader.metadata().file_metadata().num_rows()).unwrap_or(usize::MAX);
         if rows.saturating_mul(plan.roles.len()) > MOST_VALUES {
             return Err(TableError::TooLarge { path: self.path.clone(), limit: MOST_VALUES });
@@ -116,6 +135,19 @@ impl Sheet {
         Ok(())
     }
 
+    /// Refuses a column whose pages claim what the file cannot hold.
+    fn check_pages(&self, place: usize) -> Result<(), TableError> {
+        let leaf = self.leaves[place].0;
+        let columns = self.reader.metadata().row_groups().iter().filter_map(|group| group.columns().get(leaf));
+        let stretches = columns.map(|column| Stretch {
+            start: column.dictionary_page_offset().unwrap_or_else(|| column.data_page_offset()),
+            bytes: column.compressed_size(),
+            gzip: matches!(column.compression(), Compression::GZIP(_)),
+        });
+        claims::check_pages(&self.file, self.file_bytes, stretches, Self::most_unpacked)
+            .map_err(|claim| refused(&self.path, &claim))
+    }
+
     /// The first cell of a column as text; empty if it cannot be read.
     fn first(&self, place: usize) -> String {
         match self.cells(place, 1) {
@@ -125,8 +157,13 @@ impl Sheet {
         }
     }
 
-    /// The first cells of a column, at most `most`.
+    /// The first cells of a column, at most `most`. Its pages were checked.
     fn cells(&self, place: usize, most: usize) -> Result<Cells, TableError> {
+        let read = guarded(|| Ok(self.cells_of(place, most)));
+        read.unwrap_or_else(|error| Err(damaged(&self.path, &error)))
+    }
+
+    fn cells_of(&self, place: usize, most: usize) -> Result<Cells, TableError> {
         let (leaf, unit_s) = self.leaves[place];
         let failed = |e: &ParquetError| damaged(&self.path, e);
         let mut numbers = Numbers { values: Vec::new(), missing: Vec::new(), scale: unit_s.unwrap_or(1.0) };
@@ -135,9 +172,13 @@ impl Sheet {
         let is_text = matches!(column.physical_type(), Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY);
         for group in 0..self.reader.num_row_groups() {
             let group = self.reader.get_row_group(group).map_err(|e| failed(&e))?;
-            let reader = group.get_column_reader(leaf).map_err(|e| failed(&e))?;
             let left = most - if is_text { texts.codes.len() } else { numbers.values.len() };
+            if left == 0 {
+                break;
+            }
             let level = column.max_def_level();
+            let pages = group.get_column_page_reader(leaf).map_err(|e| failed(&e))?;
+            let reader = get_column_reader(column.clone(), Box::new(CheckedPages::new(pages, level > 0)));
             let pulled = match reader {
                 ColumnReader::BoolColumnReader(r) => {
                     pull(r, level, left, |v| numbers.put(v.map(|v| f64::from(u8::from(*v)))))
@@ -161,8 +202,16 @@ impl Sheet {
     }
 }
 
+fn refused(path: &Path, claim: &Claim) -> TableError {
+    TableError::Damaged { path: path.to_owned(), what: format!("cannot be read as Parquet: {claim}") }
+}
+
 fn damaged(path: &Path, error: &ParquetError) -> TableError {
-    TableError::Damaged { path: path.to_owned(), what: format!("cannot be read as Parquet: {error}") }
+    let why = match error {
+        ParquetError::General(why) => why.clone(),
+        error => error.to_string(),
+    };
+    TableError::Damaged { path: path.to_owned(), what: format!("cannot be read as Parquet: {why}") }
 }
 
 struct Numbers {

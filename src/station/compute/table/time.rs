@@ -2,7 +2,7 @@
 
 use chrono::{DateTime, NaiveDateTime, NaiveTime, Timelike};
 
-use super::names::{self, Header};
+use super::names::{self, Header, Name};
 use super::number::{self, Form};
 
 /// How the time stamps of a column are written.
@@ -59,6 +59,11 @@ pub(super) fn column(header: &Header, first_row: &[String], form: Form) -> Resul
         return Err(unread.unwrap_or_else(|| "no time column".to_owned()));
     }
     Ok(found.swap_remove(best))
+}
+
+/// Whether a column is one of time by its name.
+pub(super) fn is_time(name: &Name) -> bool {
+    named(&name.text, name.unit.as_deref()).is_some()
 }
 
 /// Whether a name is that of a time: its unit in s, if it has one, and whether it means seconds without a unit.
