@@ -16,6 +16,7 @@ use gnc_records::store::{StationKey, StoreError, chain, goes_on};
 use gnc_text::{exact, printable};
 
 use crate::args::{RecordsCommand, RunArgs};
+use crate::outputs::may_write;
 use crate::progress::Progress;
 use crate::refusal::{CommandRefusal, refuse};
 use crate::wording::{Lines, Wording, padded};
@@ -36,6 +37,9 @@ pub(crate) fn run(what: &RecordsCommand, records: &RecordsArgs) -> ExitCode {
 }
 
 fn make_key(file: &Path) -> ExitCode {
+    if let Err(refused) = may_write(file, "FILE") {
+        return refuse(refused.what, &refused.try_this);
+    }
     match StationKey::create(file) {
         Ok(public) => {
             let mut out = Lines::to_stdout();
