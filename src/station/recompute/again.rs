@@ -46,9 +46,10 @@ impl Again {
         };
         let last = match record {
             Record::AsWritten => "",
-            Record::Changed => "; the record was changed and these are the figures of the changed record",
-            Record::Open => "; the record is not closed and nothing shows whether it was changed",
+            Record::Changed => "the record was changed and these are the figures of the changed record",
+            Record::Open => "the record is not closed and nothing shows whether it was changed",
         };
+        let last = if last.is_empty() { String::new() } else { format!("; {last}") };
         let left = match incomplete {
             0 => String::new(),
             count => format!("; {count} attempts have no complete raw record and keep their recorded figures"),
