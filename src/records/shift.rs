@@ -9,9 +9,8 @@ use std::path::PathBuf;
 use chrono::{DateTime, FixedOffset, NaiveDateTime, NaiveTime, TimeDelta};
 use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
-use gnc_executive::standing::{Flaw, Seal};
 
-use crate::standing::Seals;
+use crate::standing::{Face, Seals};
 use crate::store::chain;
 use crate::store::reader::{self, FoundRun};
 
@@ -65,18 +64,19 @@ struct WholeRun {
 
 impl WholeRun {
     /// The run, if it is one of this station and of a whole plan. A run whose record was not closed, or was closed late, is
-    /// errored, whatever it says; so is one whose record was changed, and one of which the chain cannot be read.
+    /// errored, whatever it says; so is one whose record was changed, one that the chain does not name, and one of which the chain cannot be
+    /// read.
     fn of(found: &FoundRun, of: &ShiftOf, seals: &mut Seals<'_>) -> Option<Self> {
         let run = found.run.as_ref().ok()?;
         let outcome = run.verdict.of_module()?;
         let counts = run.station == of.station && run.bench.kind == of.kind && run.recomputed.is_none();
         // A run of another module than was scanned is of neither.
         let counts = counts && run.other_module.is_none() && run.bench.kind != BenchKind::Unproven;
-        let mut is_doubtful = || {
-            let seal = seals.seal(&found.path);
-            seal.map_or(true, |seal| matches!(seal, Seal::Flawed(Flaw::ClosedLate | Flaw::Changed)))
+        let is_proved = match seals.face(found) {
+            Ok(Face::Ended(_)) => true,
+            Ok(Face::Late(_) | Face::NotInChain(_) | Face::Interrupted) | Err(_) => found.sealed && !outcome.is_good(),
+            Ok(_) => false,
         };
-        let is_proved = found.sealed && !(outcome.is_good() && is_doubtful());
         let outcome = if is_proved { outcome } else { Outcome::Errored };
         counts.then(|| Self {
             serial_number: run.serial_number.clone(),

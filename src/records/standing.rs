@@ -6,6 +6,7 @@
 //! for which nothing counts.
 
 mod apart;
+mod face;
 mod seals;
 
 use std::io::{BufRead as _, BufReader, Read as _};
@@ -20,6 +21,7 @@ use gnc_executive::verdict::Verdict;
 use serde::Deserialize;
 
 use apart::Apart;
+pub use face::Face;
 pub use seals::Seals;
 
 use crate::store::chain::OpenRun;

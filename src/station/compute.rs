@@ -32,8 +32,10 @@ use thiserror::Error;
 
 use crate::exit_code::USAGE;
 use crate::locale::Environment;
+use crate::outputs::may_write;
 use crate::phrases::in_language;
 use crate::progress::Progress;
+use crate::refusal::refuse;
 use crate::wording::Lines;
 use report::FigureReport;
 use table::{ReadingOptions, TableError};
@@ -157,6 +159,9 @@ impl Args {
 /// Computes, prints and returns the exit code of the process.
 #[must_use]
 pub(crate) fn run(args: &Args) -> ExitCode {
+    if let Some(Err(refused)) = args.plot.as_deref().map(|path| may_write(path, "--plot")) {
+        return refuse(refused.what, &refused.try_this);
+    }
     let progress = Progress::begin("the record is read and worked out");
     let (name, outcome) = args.outcome();
     drop(progress);

@@ -14,12 +14,13 @@ use gnc_analysis::capture::Capture;
 use gnc_records::raw::{RawRecord, Unfinished};
 use gnc_records::store::captures::{self, CapturesError};
 use gnc_records::store::reader::{self, ReadError};
-use gnc_records::store::{StoreError, on};
+use gnc_records::store::{Promises, StoreError, on};
 use gnc_text::{printable, with_causes};
 
 use self::place::{Stop, Tables};
 use self::table::{SampleTable, TableKind};
 use crate::exit_code::ABORTED;
+use crate::outputs::may_write;
 use crate::progress::Progress;
 use crate::records::{self, RecordsArgs};
 use crate::refusal::{complain, refuse};
@@ -99,6 +100,9 @@ pub(crate) fn run(run: &Path, within: &RecordsArgs, format: Format, out: Option<
     };
     let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let out = out.map_or_else(|| PathBuf::from(format!("{name}-export")), Path::to_owned);
+    if let Err(refused) = may_write(&out, "--out") {
+        return refuse(refused.what, &refused.try_this);
+    }
     let stop = Stop::watch();
     match all(&folder, &out, format, &stop) {
         Ok(Exported { doubts, left_out, lines }) => {
@@ -171,6 +175,17 @@ impl Doubt {
         })
     }
 
+    /// A run without an end by an earlier version.
+    fn unproved(folder: &Path) -> Self {
+        Self {
+            what: format!(
+                "nothing shows that the raw samples in {} are those that were captured",
+                gnc_text::shown_path(folder)
+            ),
+            try_this: "use them only if no other person could write into that folder",
+        }
+    }
+
     fn refused(error: &CapturesError) -> Self {
         Self { what: format!("{}; they are left out", with_causes(error)), try_this: error.source.try_this() }
     }
@@ -211,7 +226,8 @@ fn newer(folder: &Path) -> Option<Doubt> {
 /// Exports every raw file that can be read.
 fn all(folder: &Path, out: &Path, format: Format, stop: &Stop) -> Result<Exported, ExportError> {
     let files = captures::files(folder)?;
-    let missing = captures::missing(folder)?;
+    let promises = Promises::of(folder)?;
+    let missing = captures::missing(folder, &promises)?;
     if files.is_empty() && missing.is_empty() {
         return Err(ExportError::Nothing { folder: folder.to_owned() });
     }
@@ -228,7 +244,7 @@ fn all(folder: &Path, out: &Path, format: Format, stop: &Stop) -> Result<Exporte
     let mut done = Exported::default();
     done.left_out.extend(missing.iter().map(|file| Doubt::missing(file)));
     for file in files {
-        let record = captures::read_watched(&file, |bytes| {
+        let record = captures::read_promised(&file, &promises, |bytes| {
             progress.step(bytes);
             stop.check()
         });
@@ -248,6 +264,7 @@ fn all(folder: &Path, out: &Path, format: Format, stop: &Stop) -> Result<Exporte
     if done.lines.is_empty() {
         return Err(ExportError::NothingGood { folder: folder.to_owned(), left_out: done.left_out });
     }
+    done.doubts.extend(promises.are_none().then(|| Doubt::unproved(folder)));
     done.doubts.extend(newer(folder));
     on(tables.place(), "create", out)?;
     Ok(done)

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::{Command, ValueEnum};
 use clap_complete::shells;
 
+use crate::outputs::may_write;
 use crate::refusal::refuse;
 
 /// The name that people type.
@@ -51,6 +52,9 @@ pub(crate) fn man(command: Command, dir: Option<&Path>) -> ExitCode {
             Err(error) => refuse(format_args!("the page cannot be written: {error}"), ""),
         };
     };
+    if let Err(refused) = may_write(&dir.join(PROGRAM), "--dir") {
+        return refuse(refused.what, &refused.try_this);
+    }
     match clap_mangen::generate_to(command, dir) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -22,7 +22,7 @@ use crate::records::RecordsArgs;
 use crate::refusal::{complain, refuse};
 use crate::wording::Lines;
 use crate::{exit_code, files, records};
-use again::Again;
+use again::{Again, Record};
 use source::{RecordedRun, RunError};
 
 /// Exit code when something differs from the record.
@@ -57,7 +57,9 @@ pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<(&Path, Reach)>
 
 fn same(folder: &Path) -> Result<ExitCode, RunError> {
     // The digests show every changed sample, even if no figure depends on it.
-    let problems = as_written::verify(folder);
+    let found = as_written::check(folder);
+    let is_changed = !found.problems.is_empty();
+    let problems = found.into_sentences();
     let run = RecordedRun::read(folder)?;
     let plan = run.recorded_plan()?;
     let again = again::judge(&run, &plan, None)?;
@@ -70,20 +72,27 @@ fn same(folder: &Path) -> Result<ExitCode, RunError> {
     for line in again.differences.iter().chain(&papers.differences) {
         out.say(printable(line));
     }
-    out.say_of(&gnc_text::shown_path(folder), format_args!("{}{}", again.summary(same), papers.summary));
-    if problems.is_empty() && same {
-        return Ok(ExitCode::SUCCESS);
-    }
-    match problems.is_empty() {
-        true => complain(
+    let record = match (is_changed, problems.is_empty()) {
+        (true, _) => Record::Changed,
+        (false, false) => Record::Open,
+        (false, true) => Record::AsWritten,
+    };
+    out.say_of(&gnc_text::shown_path(folder), again.summary(same, record, &papers.summary));
+    let (what, try_this) = match record {
+        Record::AsWritten if same => return Ok(ExitCode::SUCCESS),
+        Record::AsWritten => (
             "the recomputed results differ from the record",
             "compare the version of this program with that in the record; report this if they are the same",
         ),
-        false => {
-            let error = RunError::NotAsWritten;
-            complain(&error, error.try_this());
+        Record::Changed => {
+            ("the record was changed and nothing shows what was measured", RunError::NotAsWritten.try_this())
         }
-    }
+        Record::Open => (
+            "the record is not closed and nothing shows whether it was changed",
+            "start a run of that station: it mends what is left and says what; then recompute again",
+        ),
+    };
+    complain(what, try_this);
     Ok(ExitCode::from(DIFFERS))
 }
 

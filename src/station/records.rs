@@ -10,12 +10,14 @@ use std::process::ExitCode;
 use gnc_executive::record::RunRecord;
 use gnc_executive::standing::Seal;
 use gnc_executive::text;
+use gnc_records::standing::{Face, Seals};
 use gnc_records::store::chain::LateCloses;
-use gnc_records::store::reader::{self, Wanted};
+use gnc_records::store::reader::{self, FoundRun, Wanted};
 use gnc_records::store::{StationKey, StoreError, chain, goes_on};
 use gnc_text::{exact, printable};
 
 use crate::args::{RecordsCommand, RunArgs};
+use crate::outputs::may_write;
 use crate::progress::Progress;
 use crate::refusal::{CommandRefusal, refuse};
 use crate::wording::{Lines, Wording, padded};
@@ -36,6 +38,9 @@ pub(crate) fn run(what: &RecordsCommand, records: &RecordsArgs) -> ExitCode {
 }
 
 fn make_key(file: &Path) -> ExitCode {
+    if let Err(refused) = may_write(file, "FILE") {
+        return refuse(refused.what, &refused.try_this);
+    }
     match StationKey::create(file) {
         Ok(public) => {
             let mut out = Lines::to_stdout();
@@ -83,7 +88,14 @@ fn show(folder: &Path) -> ExitCode {
             let late = LateCloses::default().of(folder).ok().flatten();
             let lacks = || LateCloses::default().lacks(folder).is_ok_and(|lacks| lacks);
             let is_closed = run.interrupted || goes_on(folder) || reader::is_sealed(folder) && !lacks();
-            let run = if late.is_some() || !is_closed { run.not_closed() } else { run };
+            let face = face(folder, &run);
+            let is_changed = face == Some(Face::Changed);
+            let is_proved = late.is_none() && is_closed && !is_changed && !matches!(face, Some(Face::NotInChain(_)));
+            let run = if is_proved { run } else { run.not_closed() };
+            if is_changed {
+                out.say("CHANGED: this record is not as it was closed and nothing that it says is proved");
+                out.say("");
+            }
             if let Some(late) = &late {
                 out.say(format_args!("CLOSED LATE: {}\n", printable(&late.in_words())));
             }
@@ -91,7 +103,14 @@ fn show(folder: &Path) -> ExitCode {
             if let Some(late) = &late {
                 out.say(format_args!("\nCLOSED LATE: {}", printable(&late.in_words())));
             }
-            if !is_closed {
+            if is_changed {
+                out.say("");
+                out.say("CHANGED: this record is not as it was closed and nothing that it says is proved");
+            } else if is_closed && matches!(face, Some(Face::NotInChain(_))) {
+                out.say("");
+                out.say("NOT IN THE CHAIN: nothing proves that this record is as it was closed");
+            }
+            if !is_closed && !is_changed {
                 out.say("");
                 out.say("NOT CLOSED: its station ended, or could not write, before the run was in the chain; it is not a pass");
             }
@@ -102,6 +121,23 @@ fn show(folder: &Path) -> ExitCode {
         }
         Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
     }
+}
+
+/// The word of a list for a run.
+#[cfg(test)]
+pub(crate) fn listed(records: &Path, run: &Path) -> &'static str {
+    let found = reader::list(records).expect("records").into_iter().find(|found| found.path == run).expect("the run");
+    list::word_of(&found, &mut Seals::new(records))
+}
+
+/// What a run is called; `None` if its chain cannot be read.
+fn face(folder: &Path, run: &RunRecord) -> Option<Face> {
+    let path = std::path::absolute(folder).ok()?;
+    let sealed = reader::is_sealed(&path);
+    let running = !sealed && goes_on(&path);
+    let records = path.ancestors().nth(3)?.to_owned();
+    let found = FoundRun { path, run: Ok(run.clone()), sealed, running };
+    Seals::new(&records).face(&found).ok()
 }
 
 /// The runs that the user named, oldest first: by a folder, from here or below the records folder, or by a serial

@@ -25,6 +25,7 @@ use gnc_records::store::{PublicKey, StationKey, StoreError};
 use crate::args::{RunArgs, SimLink};
 use crate::files::{self, ReadFile};
 use crate::hook::HookProgram;
+use crate::outputs::may_write;
 use crate::refusal::CommandRefusal;
 
 /// The bench file that is used when none is named.
@@ -132,13 +133,15 @@ struct Lines {
 
 /// Reads and checks the bench that the command line names.
 pub(crate) fn check(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
-    match &args.sim {
+    let bench = match &args.sim {
         #[cfg(feature = "sim")]
         Some(personality) => simulated::check(args, personality),
         #[cfg(not(feature = "sim"))]
         Some(_) => Err(without_simulation()),
         None => real(args),
-    }
+    }?;
+    may_write(&bench.records, "--records")?;
+    Ok(bench)
 }
 
 impl CheckedBench {

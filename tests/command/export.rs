@@ -1,7 +1,7 @@
 //! `export` says what it leaves out, and leaves nothing that is half an export.
 
-use std::fs;
-use std::io::{BufRead as _, BufReader};
+use std::fs::{self, File};
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -63,13 +63,69 @@ fn what_is_left_out_is_told() {
     }
     fs::copy(&kept, &first).expect("raw samples");
     fs::write(&second, &bytes[..cut]).expect("raw samples");
-    check(&export(&place, &run, "cut"), 3, &["was cut off; the samples before the cut are exported"]);
+    check(&export(&place, &run, "cut"), 3, &["02-rotation/attempt-1.mcap", EXCHANGED, "left out"]);
+    assert_eq!(names(&place.path().join("cut")), ["01-six-position-attempt-1.csv"]);
 
     for file in [&first, &second] {
         fs::remove_file(file).expect("raw samples");
     }
     check(&export(&place, &run, "none"), 2, &["is missing", "holds no raw samples that can be exported"]);
     assert!(!place.path().join("none").exists() && !place.path().join("none.part").exists());
+}
+
+/// What is said of a file that is not the one of the closed run.
+const EXCHANGED: &str = "it is another file than the one whose digest stands in SHA256SUMS";
+
+/// Copies a folder with all that it holds.
+fn copy(from: &Path, to: &Path) {
+    assert!(Command::new("cp").arg("-r").args([from, to]).status().expect("cp").success());
+}
+
+/// Another whole capture file of the same run in the place of one: nothing in it is damaged, and it names the right run.
+#[test]
+fn a_whole_file_that_was_exchanged_is_left_out() {
+    let (place, run) = with_captures();
+    let (first, second) = (run.join("01-six-position/attempt-1.mcap"), run.join("02-rotation/attempt-1.mcap"));
+    // While the station is killed there are no digests, and nothing but the journal says what was captured.
+    let killed = place.path().join("killed");
+    copy(&run, &killed);
+    fs::remove_file(killed.join("SHA256SUMS")).expect("digests");
+    let in_killed = |file: &Path| killed.join(file.strip_prefix(&run).expect("a file of the run"));
+    fs::copy(&second, &first).expect("raw samples");
+    let said = ["01-six-position/attempt-1.mcap", EXCHANGED, "they are left out", "02-rotation-attempt-1.csv"];
+    check(&export(&place, &run, "changed"), 3, &said);
+    assert_eq!(names(&place.path().join("changed")), ["02-rotation-attempt-1.csv"]);
+    // The same file is refused where figures are made of it.
+    let first_file = first.to_string_lossy().into_owned();
+    let computed = place.run(["compute", "six-position", &first_file, "--gravity", "9.8", "--json"]);
+    check(&computed, 2, &[EXCHANGED]);
+
+    // Its digest is made anew: the journal and the chain say otherwise.
+    let sums = Command::new("sh").args(["-c", "grep -v '  01-six-position/attempt-1.mcap' SHA256SUMS > s; sha256sum 01-six-position/attempt-1.mcap >> s; sort -k 2 s > SHA256SUMS; rm s"]).current_dir(&run).status();
+    assert!(sums.expect("sh").success());
+    let none = export(&place, &run, "none");
+    check(&none, 2, &["SHA256SUMS is not the one that stands in the chain", "no raw samples that can be exported"]);
+    let alone = place.path().join("alone");
+    copy(&run, &alone);
+    let said = ["it is another file than the one whose digest stands in the journal"];
+    check(&export(&place, &alone, "alone-out"), 3, &said);
+    assert_eq!(names(&place.path().join("alone-out")), ["02-rotation-attempt-1.csv"]);
+
+    // What lies behind the last whole capture of a killed run is not read, and the rest is.
+    let mut behind = File::options().append(true).open(in_killed(&second)).expect("raw samples");
+    behind.write_all(&fs::read(&first).expect("raw samples")).expect("raw samples");
+    check(&export(&place, &killed, "whole"), 0, &["whole/02-rotation-attempt-1.csv"]);
+    let rows = |out: &str| fs::read(place.path().join(out).join("02-rotation-attempt-1.csv")).expect("a table");
+    assert_eq!(rows("whole"), rows("changed"));
+    fs::copy(&second, in_killed(&first)).expect("raw samples");
+    fs::create_dir(killed.join("03-more")).expect("a folder");
+    fs::copy(&second, killed.join("03-more/attempt-1.mcap")).expect("raw samples");
+    let said = ["whose digest stands in the journal", "03-more/attempt-1.mcap", "the journal does not name it"];
+    check(&export(&place, &killed, "some"), 3, &said);
+    assert_eq!(names(&place.path().join("some")), ["02-rotation-attempt-1.csv"]);
+    fs::remove_file(in_killed(&second)).expect("raw samples");
+    let none = export(&place, &killed, "gone");
+    check(&none, 2, &["02-rotation/attempt-1.mcap is missing", "no raw samples that can be exported"]);
 }
 
 /// A full disk, here a limit on the size of files, and what is in the way leave nothing.

@@ -11,6 +11,7 @@ mod help_files;
 mod junit;
 mod language;
 mod list;
+mod outputs;
 mod place;
 mod trust;
 mod wording;

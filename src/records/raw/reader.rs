@@ -87,6 +87,24 @@ pub enum RawError {
     /// The file names no run, and those of this run do.
     #[error("it does not say of which run it is, as the files of this run do")]
     NoRun,
+    /// The digests of the run have another one for the file.
+    #[error("it is another file than the one whose digest stands in SHA256SUMS")]
+    Exchanged,
+    /// The digests of the run do not have the file.
+    #[error("it is not among the files with which the run was closed")]
+    Added,
+    /// The digests of the run are gone, or are not those that the chain has.
+    #[error("nothing shows what was captured because SHA256SUMS is not the one that stands in the chain")]
+    OtherDigests,
+    /// The journal names other bytes.
+    #[error("it is another file than the one whose digest stands in the journal")]
+    NotCaptured,
+    /// What the journal says of captures was edited.
+    #[error("nothing shows what was captured because the journal was changed before a line about a capture")]
+    EditedJournal,
+    /// The journal names other files of captures, and not this one.
+    #[error("the journal does not name it")]
+    Unnamed,
     /// A small file asks for much time or memory.
     #[error("it asks for {unpacked} bytes when {packed} bytes are read, more than any record of this station")]
     Swollen {
@@ -117,7 +135,14 @@ impl RawError {
             Self::Foreign { .. } | Self::Swollen { .. } => {
                 "give a file that this station wrote: RECORDS/.../attempt-1.mcap"
             }
-            Self::OtherRun { .. } | Self::NoRun => {
+            Self::OtherRun { .. }
+            | Self::NoRun
+            | Self::Exchanged
+            | Self::Added
+            | Self::OtherDigests
+            | Self::NotCaptured
+            | Self::EditedJournal
+            | Self::Unnamed => {
                 "restore the run's folder from a backup; `gnc-station records verify` says what was changed"
             }
             Self::TooMuch { .. } => "give a shorter record",

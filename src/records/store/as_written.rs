@@ -40,13 +40,21 @@ pub struct Verified {
 /// run of a later version this cannot be confirmed.
 #[must_use]
 pub fn verify(folder: &Path) -> Vec<String> {
-    let Verified { mut problems, newer, running, never_begun, incomplete, unnamed, only_litter: _ } = check(folder);
-    problems.extend(incomplete);
-    problems.extend(unnamed);
-    problems.extend(newer.map(|newer| newer.to_string()));
-    problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
-    problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
-    problems
+    check(folder).into_sentences()
+}
+
+impl Verified {
+    /// All that keeps the run from being as it was written, a sentence each.
+    #[must_use]
+    pub fn into_sentences(self) -> Vec<String> {
+        let Self { mut problems, newer, running, never_begun, incomplete, unnamed, only_litter: _ } = self;
+        problems.extend(incomplete);
+        problems.extend(unnamed);
+        problems.extend(newer.map(|newer| newer.to_string()));
+        problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
+        problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
+        problems
+    }
 }
 
 /// Problems of a run that has its digests and that no other station holds, whether its files have their names or not, and without files

@@ -69,6 +69,16 @@ impl CapturedFiles {
         self.0.get(file)
     }
 
+    /// The files that are named, by their paths relative to the folder of the run.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+
+    /// Whether lines before one of these lines were changed after it was written.
+    pub(super) fn has_edited_lines(&self) -> bool {
+        self.0.values().any(|captured| !captured.is_tied)
+    }
+
     /// What is not as the journal says it, a sentence each. `known` are digests of whole files that were read before.
     pub(crate) fn unlike(&self, run: &Path, known: &HashMap<PathBuf, String>) -> Vec<String> {
         let mut problems = Vec::new();
@@ -131,6 +141,11 @@ impl CapturedFile {
         }
     }
 
+    /// Whether the bytes are not those that the line names.
+    pub(super) fn differs_from(&self, held: &HeldBytes) -> bool {
+        held.bytes != self.said.bytes || held.sha256 != self.said.sha256
+    }
+
     /// The sentence about a file that is gone.
     pub(crate) fn missing(&self) -> String {
         format!("{} is missing, and the journal says that it was captured", self.shown())
@@ -180,24 +195,51 @@ pub(crate) struct Digested<R> {
     source: R,
     bytes: u64,
     hasher: Sha256,
+    /// How many bytes have a digest of their own, and what they are once they were read.
+    first: Option<(u64, Option<HeldBytes>)>,
 }
 
 impl<R: Read> Digested<R> {
     pub(crate) fn new(source: R) -> Self {
-        Self { source, bytes: 0, hasher: Sha256::new() }
+        Self { source, bytes: 0, hasher: Sha256::new(), first: None }
+    }
+
+    /// The same, and the digest of the first bytes besides.
+    pub(super) fn with_first(source: R, bytes: Option<u64>) -> Self {
+        Self { first: bytes.map(|bytes| (bytes, None)), ..Self::new(source) }
     }
 
     /// What was read.
     pub(crate) fn held(self) -> HeldBytes {
-        HeldBytes { bytes: self.bytes, sha256: digest::hexadecimal(&self.hasher.finalize()) }
+        self.both().0
+    }
+
+    /// What was read, and its first bytes if there were as many.
+    pub(super) fn both(self) -> (HeldBytes, Option<HeldBytes>) {
+        let whole = HeldBytes { bytes: self.bytes, sha256: digest::hexadecimal(&self.hasher.finalize()) };
+        (whole, self.first.and_then(|(_, held)| held))
+    }
+
+    fn take_in(&mut self, read: &[u8]) {
+        self.hasher.update(read);
+        self.bytes += read.len() as u64;
     }
 }
 
 impl<R: Read> Read for Digested<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.source.read(buffer)?;
-        self.hasher.update(&buffer[..read]);
-        self.bytes += read as u64;
+        let mut rest = &buffer[..read];
+        if let Some((bytes, None)) = self.first
+            && let Ok(until) = usize::try_from(bytes - self.bytes)
+            && let Some((first, behind)) = rest.split_at_checked(until)
+        {
+            self.take_in(first);
+            let sha256 = digest::hexadecimal(&self.hasher.clone().finalize());
+            self.first = Some((bytes, Some(HeldBytes { bytes, sha256 })));
+            rest = behind;
+        }
+        self.take_in(rest);
         Ok(read)
     }
 }

@@ -6,7 +6,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::captured::{Digested, HeldBytes};
-use super::{JOURNAL, StoreError, chain, digest, item_folder, raw_file};
+use super::{JOURNAL, Promises, StoreError, chain, digest, item_folder, raw_file};
 use crate::raw::{self, RawError, RawOrigin, RawRecord};
 
 /// Why captures cannot be read back.
@@ -35,39 +35,73 @@ pub fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(raw.map(|file| folder.join(file)).collect())
 }
 
-/// The raw files that the digests of a run promise and that are not among its files, in the order of its items. What cannot be
-/// read promises nothing: `verify` says so.
+/// The raw files that the digests of a run promise, or its journal, and that are not among its files, in the order of its items.
 ///
 /// # Errors
 /// The folder cannot be read.
-pub fn missing(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    let Ok((promised, _)) = digest::FileDigests::read(folder) else { return Ok(Vec::new()) };
+pub fn missing(folder: &Path, promises: &Promises) -> Result<Vec<PathBuf>, StoreError> {
     let there: BTreeSet<PathBuf> = digest::files_below(folder)?.into_iter().collect();
-    let is_raw = |file: &PathBuf| file.extension().is_some_and(|extension| extension == "mcap");
-    let gone = promised.into_map().into_keys().filter(|file| is_raw(file) && !there.contains(file));
+    let gone = promises.names().into_iter().filter(|file| !there.contains(file));
     Ok(gone.map(|file| folder.join(file)).collect())
 }
 
-/// Reads a raw file. One in the folder of a run must be of that run.
+/// Reads a raw file. One in the folder of a run must be of that run. Whether it is the one that was captured is not compared: see
+/// [`read_promised`].
 ///
 /// # Errors
 /// [`CapturesError`].
 pub fn read(path: &Path) -> Result<RawRecord, CapturesError> {
-    read_watched(path, |_| Ok(()))
+    let in_words = |source| CapturesError { path: path.to_owned(), source };
+    let file = gnc_files::own(path).map_err(|error| in_words(error.into()))?;
+    of_its_run(path, raw::read(file).map_err(in_words)?)
 }
 
-/// The same; `watch` learns of each piece how many bytes it has, and ends the reading by an error.
+/// Reads a raw file that may lie in the folder of a run, and is then the one that was captured in it.
+///
+/// # Errors
+/// [`CapturesError`].
+pub fn read_proved(path: &Path) -> Result<RawRecord, CapturesError> {
+    let Some(run) = run_of(path) else { return read(path) };
+    let promises = Promises::of(run).map_err(|error| CapturesError {
+        path: path.to_owned(),
+        source: RawError::Io(io::Error::other(gnc_text::with_causes(&error))),
+    })?;
+    read_promised(path, &promises, |_| Ok(()))
+}
+
+/// Reads a raw file of a run, if it is the one that the run promises. Of one whose run is not closed nothing behind the last whole capture
+/// is read. `watch` learns of each piece how many bytes it has, and ends the reading by an error.
 ///
 /// # Errors
 /// [`CapturesError`], with the error of `watch` too.
-pub fn read_watched(path: &Path, watch: impl FnMut(usize) -> io::Result<()>) -> Result<RawRecord, CapturesError> {
+pub fn read_promised(
+    path: &Path,
+    promises: &Promises,
+    watch: impl FnMut(usize) -> io::Result<()>,
+) -> Result<RawRecord, CapturesError> {
     let in_words = |source| CapturesError { path: path.to_owned(), source };
     let file = gnc_files::own(path).map_err(|error| in_words(error.into()))?;
-    let record = raw::read(Watched { file, watch }).map_err(in_words)?;
+    let named = promises.named_bytes(path);
+    let limit = named.filter(|_| !promises.covers_whole_files()).unwrap_or(u64::MAX);
+    let mut source = Digested::with_first(Watched { file: file.take(limit), watch }, named);
+    let record = of_its_run(path, raw::read(&mut source).map_err(in_words)?)?;
+    // It may have stopped at the end of the record.
+    io::copy(&mut source, &mut io::sink()).map_err(|error| in_words(error.into()))?;
+    let (whole, first) = source.both();
+    match promises.broken_by(path, &whole, first.as_ref()) {
+        // A kill before the first whole capture leaves a file that the journal does not name.
+        Some(RawError::Unnamed) if record.captures.is_empty() => Ok(record),
+        Some(error) => Err(in_words(error)),
+        None => Ok(record),
+    }
+}
+
+/// The record of a file, unless the file is in the folder of a run of which it is not.
+fn of_its_run(path: &Path, record: RawRecord) -> Result<RawRecord, CapturesError> {
     let holds_some = !record.captures.is_empty() || record.unfinished.is_some();
     match run_of(path).and_then(|run| not_of(run, record.origin.as_ref(), holds_some)) {
         None => Ok(record),
-        Some(error) => Err(in_words(error)),
+        Some(source) => Err(CapturesError { path: path.to_owned(), source }),
     }
 }
 
@@ -85,7 +119,7 @@ pub(crate) fn read_first(path: &Path, bytes: u64) -> io::Result<(Result<RawRecor
 
 /// A file whose reading is watched.
 struct Watched<F> {
-    file: File,
+    file: io::Take<File>,
     watch: F,
 }
 

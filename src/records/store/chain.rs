@@ -56,7 +56,7 @@ pub use check::{Against, ChainBook, ChainCheck, Head, verify, verify_against};
 pub(crate) use entry::Scribe;
 pub use entry::{LateClose, Place};
 pub use links::{ChainStanding, LateCloses, standing};
-pub(crate) use links::{DayLinks, OpenRun, RunLink, is_close_signed_by, of_day};
+pub(crate) use links::{DayLinks, OpenRun, RunLink, is_close_signed_by, of_day, was_closed_otherwise};
 pub(in crate::store) use mend::mend;
 pub(crate) use order::by_close;
 pub(crate) use signed::Witnessed;

@@ -14,6 +14,7 @@ use gnc_records::junit::JunitReport;
 use gnc_records::store::reader;
 use gnc_text::with_causes;
 
+use crate::outputs::may_write;
 use crate::refusal::CommandRefusal;
 
 /// The file of a command, with the runs up to now.
@@ -37,6 +38,7 @@ impl JunitFile {
             let what = format!("{} is not a file, so no JUnit XML can take its place", gnc_text::shown_path(path));
             return Err(CommandRefusal::new(what, "name a file with --junit"));
         }
+        may_write(path, "--junit")?;
         // The file of a link is replaced, and not the link.
         let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let began = clock::now().format("%Y-%m-%dT%H:%M:%S").to_string();

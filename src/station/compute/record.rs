@@ -59,7 +59,7 @@ impl Record {
             let reading = ReadingOptions { capture: label.map(str::to_owned), ..reading.clone() };
             return Ok(Self::Table(RecordTable::open(&file, &reading)?, triad));
         }
-        let mut captures = captures::read(&file).map_err(RecordError::from)?.captures;
+        let mut captures = captures::read_proved(&file).map_err(RecordError::from)?.captures;
         if let Some(label) = label {
             captures.retain(|capture| capture.about.label == label);
         }

@@ -35,19 +35,38 @@ pub(super) struct Again {
 }
 
 impl Again {
-    /// The summary in a line; `same` says whether nothing at all differs.
-    pub(super) fn summary(&self, same: bool) -> String {
+    /// The summary in a line, with what is said of the passport; `same` says whether nothing at all differs.
+    pub(super) fn summary(&self, same: bool, record: Record, passport: &str) -> String {
         let Self { measurements, captured, incomplete, .. } = self;
-        let same = match same {
-            true => "the same, bit for bit",
-            false => "not the same",
+        let compared = match (same, record) {
+            (true, Record::AsWritten) => "the same, bit for bit",
+            // Of what was measured that says nothing.
+            (true, Record::Changed | Record::Open) => "worked out from the record as it is now",
+            (false, _) => "not the same",
         };
+        let last = match record {
+            Record::AsWritten => "",
+            Record::Changed => "the record was changed and these are the figures of the changed record",
+            Record::Open => "the record is not closed and nothing shows whether it was changed",
+        };
+        let last = if last.is_empty() { String::new() } else { format!("; {last}") };
         let left = match incomplete {
             0 => String::new(),
             count => format!("; {count} attempts have no complete raw record and keep their recorded figures"),
         };
-        format!("{same}: {measurements} measurements, {captured} attempts from raw samples{left}")
+        format!("{compared}: {measurements} measurements, {captured} attempts from raw samples{left}{passport}{last}")
     }
+}
+
+/// What a record is good for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Record {
+    /// It is as it was written.
+    AsWritten,
+    /// It is not.
+    Changed,
+    /// It is not closed, so that nothing shows whether it was changed.
+    Open,
 }
 
 /// Judges all events of a run by a plan. `of` names the run if the plan is another one.

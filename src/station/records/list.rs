@@ -49,7 +49,10 @@ impl ListArgs {
         // The writer of the list reads the chain once more, and tells why it cannot.
         let Ok(kept) = kept(found, seals) else { return true };
         let (word, worth) = (word(found, kept), worth(found, kept));
-        self.outcome.iter().any(|one| one == word || Some(one.as_str()) == worth)
+        // What a changed run says now does not hide it from a search for bad ones.
+        let bad = verdict(found).filter(|verdict| !verdict.passes_module()).map(Verdict::as_str);
+        let words = [Some(word), worth, bad];
+        self.outcome.iter().any(|one| words.contains(&Some(one.as_str())))
     }
 
     fn wants_all(&self) -> bool {
@@ -87,11 +90,18 @@ fn worth(found: &FoundRun, kept: Option<Seal>) -> Option<&'static str> {
 }
 
 /// The verdict of a closed run, else the state of its folder. A pass that counts for nothing is called what it is: who
-/// looks for passes must find no other.
+/// looks for passes must find no other. So is a run that was changed, whatever it says.
 fn word(found: &FoundRun, kept: Option<Seal>) -> &'static str {
-    let passes = verdict(found).is_some_and(Verdict::passes_module);
-    let worth = worth(found, kept).filter(|_| passes);
+    let counts_for_nothing =
+        verdict(found).is_none_or(Verdict::passes_module) || kept == Some(Seal::Flawed(Flaw::Changed));
+    let worth = worth(found, kept).filter(|_| counts_for_nothing);
     worth.unwrap_or_else(|| verdict(found).map_or_else(|| found.state().as_str(), Verdict::as_str))
+}
+
+/// The word of a list for a run.
+#[cfg(test)]
+pub(super) fn word_of(found: &FoundRun, seals: &mut Seals<'_>) -> &'static str {
+    word(found, kept(found, seals).expect("a chain"))
 }
 
 /// The texts that the plans of a list have: name and version stay when a limit is loosened.
@@ -147,16 +157,9 @@ pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
     }
 }
 
-/// How the record of a closed run is kept; `None` for a run that is not closed. A pass counts only if no later line of the chain is
-/// known to be missing: it may be that of a failure.
+/// How the record of a run is kept, with an error that the writer of a list can pass on.
 fn kept(found: &FoundRun, seals: &mut Seals<'_>) -> io::Result<Option<Seal>> {
-    if found.state() != Found::Closed {
-        return Ok(None);
-    }
-    let seal = seals.seal(&found.path).map_err(io::Error::other)?;
-    let is_pass = seal == Seal::Chained && verdict(found).is_some_and(|verdict| verdict.of_items().is_good());
-    let lacks_lines = is_pass && seals.lacks_lines_behind(&found.path).map_err(io::Error::other)?;
-    Ok(Some(if lacks_lines { Seal::Flawed(Flaw::LinesMissing) } else { seal }))
+    seals.kept(found).map_err(io::Error::other)
 }
 
 fn as_json(mut out: impl Write, records: &Path, runs: impl Iterator<Item = FoundRun>) -> io::Result<()> {

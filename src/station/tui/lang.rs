@@ -338,6 +338,8 @@ pub(crate) struct Texts {
     pub interrupted: &'static str,
     pub unsealed: &'static str,
     pub changed_record: &'static str,
+    pub not_in_chain: &'static str,
+    pub running_record: &'static str,
     pub unreadable: &'static str,
     pub newer: &'static str,
     pub written_by_newer: &'static str,

@@ -6,6 +6,7 @@ use chrono::{DateTime, FixedOffset};
 use gnc_executive::outcome::Outcome;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
+use gnc_records::standing::Face;
 
 use super::field::InputField;
 use super::lang::Texts;
@@ -29,8 +30,12 @@ pub(crate) enum RunMark {
     Ended(Verdict),
     /// The run ended so, and its folder was closed by a later start of a station: it never counts as a pass.
     Late(Verdict),
-    /// The run ended so, and its record is not as it was closed.
+    /// The run ended so, and the chain does not name it: nothing proves it.
+    NotInChain(Verdict),
+    /// Its record is not as it was closed, whatever it says.
     Changed,
+    /// A station carries it out now.
+    Running,
     /// The run has no end.
     Interrupted,
     /// Its folder was not closed.
@@ -41,12 +46,30 @@ pub(crate) enum RunMark {
     Newer,
 }
 
+impl From<Face> for RunMark {
+    fn from(face: Face) -> Self {
+        match face {
+            Face::Ended(verdict) => Self::Ended(verdict),
+            Face::Late(verdict) => Self::Late(verdict),
+            Face::NotInChain(verdict) => Self::NotInChain(verdict),
+            Face::Changed => Self::Changed,
+            Face::Running => Self::Running,
+            Face::Interrupted => Self::Interrupted,
+            Face::Unsealed => Self::Unsealed,
+            Face::Newer => Self::Newer,
+            Face::Unreadable => Self::Unreadable,
+        }
+    }
+}
+
 impl RunMark {
     /// The mark in a word.
     pub(crate) fn word(self, texts: &Texts) -> &'static str {
         match self {
             Self::Ended(verdict) | Self::Late(verdict) => texts.word_of(verdict),
             Self::Interrupted => texts.interrupted,
+            Self::NotInChain(_) => texts.not_in_chain,
+            Self::Running => texts.running_record,
             Self::Changed => texts.changed_record,
             Self::Unsealed => texts.unsealed,
             Self::Unreadable => texts.unreadable,

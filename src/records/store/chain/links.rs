@@ -224,6 +224,20 @@ pub(crate) fn is_close_signed_by(run: &Path, keys: &[PublicKey]) -> Result<bool,
     Ok(days.link(run)?.is_some_and(|link| link.close.is_signed_by(keys) == Some(true)))
 }
 
+/// Whether the chain says that a run was closed with other digests than those that it has; they may be gone.
+///
+/// # Errors
+/// The chain of its day cannot be read, or the digests cannot.
+pub(crate) fn was_closed_otherwise(run: &Path) -> Result<bool, StoreError> {
+    let mut days = LateCloses::default();
+    let Some(link) = days.link(run)? else { return Ok(false) };
+    match digest::of_file(&run.join(DIGESTS)) {
+        Ok(digest) => Ok(digest != link.digest),
+        Err(StoreError::File { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(true),
+        Err(error) => Err(error),
+    }
+}
+
 /// Tells which runs were closed late. It remembers the day of the run that was asked for last: ask in the order of days.
 #[derive(Debug, Default)]
 pub struct LateCloses {

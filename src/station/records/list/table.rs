@@ -10,7 +10,7 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::{Flaw, Seal};
 use gnc_executive::verdict::Verdict;
 use gnc_records::standing::Seals;
-use gnc_records::store::reader::FoundRun;
+use gnc_records::store::reader::{Found, FoundRun};
 use gnc_text::printable;
 use serde::Serialize;
 
@@ -91,7 +91,8 @@ impl<'a> Line<'a> {
         };
         Self {
             run: found.place(records),
-            state: found.state().as_str(),
+            // The chain says of a changed run that it was closed, whatever its journal says now.
+            state: if kept == Some(Seal::Flawed(Flaw::Changed)) { Found::Closed } else { found.state() }.as_str(),
             outcome: tested.and_then(Verdict::of_module),
             selection_outcome: tested.and_then(Verdict::of_selection),
             rejudged_outcome: rejudged.map(Verdict::of_items),

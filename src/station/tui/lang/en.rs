@@ -274,6 +274,8 @@ pub(super) static TEXTS: Texts = Texts {
     interrupted: "interrupted",
     unsealed: "unsealed",
     changed_record: "changed",
+    not_in_chain: "not in chain",
+    running_record: "running",
     unreadable: "unreadable",
     newer: "newer",
     written_by_newer: "written by a newer version of the station ({})",

@@ -275,6 +275,8 @@ pub(super) static TEXTS: Texts = Texts {
     interrupted: "прерван",
     unsealed: "не закрыт",
     changed_record: "изменён",
+    not_in_chain: "не в цепочке",
+    running_record: "идёт",
     unreadable: "не читается",
     newer: "нов. версия",
     written_by_newer: "записан более новой версией стенда ({})",

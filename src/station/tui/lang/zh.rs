@@ -275,6 +275,8 @@ pub(super) static TEXTS: Texts = Texts {
     interrupted: "中断",
     unsealed: "未封存",
     changed_record: "已改动",
+    not_in_chain: "不在链中",
+    running_record: "运行中",
     unreadable: "无法读取",
     newer: "新版写入",
     written_by_newer: "由更新版本的测试台写入（{}）",

@@ -5,12 +5,11 @@ use std::path::{Path, PathBuf};
 use chrono::{DateTime, FixedOffset, Local, NaiveDateTime};
 use gnc_executive::event::{BenchKind, OtherModule};
 use gnc_executive::record::RunRecord;
-use gnc_executive::standing::{Flaw, Seal, Standing};
+use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_records::standing::Seals;
 use gnc_records::store;
 use gnc_records::store::as_written::{self, Verified};
-use gnc_records::store::chain::LateCloses;
 use gnc_records::store::head::RunHead;
 use gnc_records::store::reader::{self, ReadError};
 use gnc_text::with_causes;
@@ -43,20 +42,16 @@ pub(super) fn days(records: &Path) -> Result<Vec<Day>, String> {
 /// Runs of a day, by serial number, those of a module as they were closed.
 pub(super) fn runs(records: &Path, day: String) -> Result<Runs, String> {
     let (found, cut) = reader::of_day(records, &day, MAX_RUNS).map_err(|error| with_causes(&error))?;
-    let (mut late_closes, mut seals) = (LateCloses::default(), Seals::new(records));
-    let line = |found| line(found, &mut late_closes, &mut seals);
+    let mut seals = Seals::new(records);
+    let line = |found| line(found, &mut seals);
     let mut lines: Vec<RunLine> = found.rev().map(line).collect();
     // It keeps the order of those that are alike.
     lines.sort_by(|a, b| a.serial_number.cmp(&b.serial_number));
     Ok(Runs { day, lines, cut })
 }
 
-fn line(found: reader::FoundRun, late_closes: &mut LateCloses, seals: &mut Seals<'_>) -> RunLine {
-    let mark = match &found.run {
-        Ok(run) => mark(run, &found.path, found.sealed, late_closes, seals),
-        Err(error) if error.is_newer() => RunMark::Newer,
-        Err(_) => RunMark::Unreadable,
-    };
+fn line(found: reader::FoundRun, seals: &mut Seals<'_>) -> RunLine {
+    let mark = mark(&found, seals);
     let folder = |path: Option<&Path>| {
         path.and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
     };
@@ -102,26 +97,20 @@ fn named_time(run: &Path) -> Option<DateTime<FixedOffset>> {
     Some(time.and_local_timezone(Local).earliest()?.fixed_offset())
 }
 
-fn mark(run: &RunRecord, folder: &Path, sealed: bool, late_closes: &mut LateCloses, seals: &mut Seals<'_>) -> RunMark {
-    match run.interrupted {
-        true => RunMark::Interrupted,
-        false if !sealed => RunMark::Unsealed,
-        false if seals.seal(folder).is_ok_and(|seal| seal == Seal::Flawed(Flaw::Changed)) => RunMark::Changed,
-        // Why a chain cannot be read, `records verify` tells.
-        false if late_closes.of(folder).is_ok_and(|late| late.is_some()) => RunMark::Late(run.verdict),
-        // Its digests are there, and its line in the chain is not.
-        false if late_closes.lacks(folder).is_ok_and(|lacks| lacks) => RunMark::Unsealed,
-        false => RunMark::Ended(run.verdict),
-    }
+/// What the run is called. Why a chain cannot be read, `records verify` tells.
+fn mark(found: &reader::FoundRun, seals: &mut Seals<'_>) -> RunMark {
+    seals.face(found).map_or(RunMark::Unreadable, RunMark::from)
 }
 
 /// Opens a run.
 pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, RunMark)>, Unopened> {
     let state = reader::fold(&path).map_err(|error| unopened(&error))?;
     let run = RunRecord::from_state(&state).ok_or_else(|| unopened(&ReadError::Empty))?;
-    let records = path.ancestors().nth(3).unwrap_or(&path);
-    let mark = mark(&run, &path, reader::is_sealed(&path), &mut LateCloses::default(), &mut Seals::new(records));
-    Ok(Box::new((path, state, mark)))
+    let (sealed, running) = (reader::is_sealed(&path), store::goes_on(&path));
+    let found = reader::FoundRun { path, run: Ok(run), sealed, running: running && !sealed };
+    let records = found.path.ancestors().nth(3).unwrap_or(&found.path);
+    let mark = mark(&found, &mut Seals::new(records));
+    Ok(Box::new((found.path, state, mark)))
 }
 
 fn unopened(error: &ReadError) -> Unopened {
@@ -154,6 +143,9 @@ pub(super) fn last_whole_run_s(records: &Path, plan_sha256: &str, kind: BenchKin
     let mut good = newest.filter(|run| run.verdict.passes_module() && run.bench == kind && !run.rejudged);
     good.find(|run| run.plan_sha256 == plan_sha256).map(|run| run.elapsed_s)
 }
+
+#[cfg(test)]
+mod faces;
 
 #[cfg(test)]
 mod tests {
