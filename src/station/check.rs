@@ -15,6 +15,7 @@ use gnc_files::Reach;
 use gnc_text::printable;
 
 use crate::exit_code::USAGE;
+use crate::progress::Progress;
 use crate::refusal::{CommandRefusal, refuse};
 use crate::wording::Lines;
 use crate::{files, setup};
@@ -41,7 +42,11 @@ fn check(
 ) -> ExitCode {
     let mut wrong = 0;
     for path in plans {
-        match about(path, reach, bench, part) {
+        let progress = Progress::begin("the plan is read and checked");
+        let found = about(path, reach, bench, part);
+        // No line of it comes between those of the plan.
+        drop(progress);
+        match found {
             Ok(said) => {
                 for (name, sentence) in said {
                     match name {

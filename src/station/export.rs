@@ -77,6 +77,13 @@ enum ExportError {
 impl ExportError {
     fn try_this(&self) -> &'static str {
         match self {
+            // What is read lies in the records, what is written in the folder of --out.
+            Self::Store(StoreError::File { what: "create" | "write", source, .. }) => match source.kind() {
+                io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                    "free some space on the disk, or name another folder with --out"
+                }
+                _ => "name another folder with --out",
+            },
             Self::Store(error) => error.try_this(),
             Self::Nothing { .. } => {
                 "choose another run with `gnc-station records list`; only items that capture write raw samples"
@@ -301,4 +308,24 @@ fn tables_of(
         lines.push(format!("{}: {} captures, {samples} samples", gnc_text::shown_path(&path), captures.len()));
     }
     Ok(lines)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The folder of an export is named with --out, and that of the records with --records.
+    #[test]
+    fn a_hint_names_the_option_of_its_folder() {
+        let hint = |what: &'static str, kind: io::ErrorKind| {
+            ExportError::from(StoreError::File { what, path: "there".into(), source: kind.into() }).try_this()
+        };
+        for kind in [io::ErrorKind::PermissionDenied, io::ErrorKind::ReadOnlyFilesystem, io::ErrorKind::StorageFull] {
+            for what in ["create", "write"] {
+                assert!(hint(what, kind).ends_with("name another folder with --out"), "{what} {kind}");
+            }
+        }
+        assert!(hint("write", io::ErrorKind::StorageFull).starts_with("free some space"));
+        assert!(hint("read", io::ErrorKind::PermissionDenied).ends_with("--records"));
+    }
 }

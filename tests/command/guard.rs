@@ -226,7 +226,10 @@ fn a_limit_of_files_is_told() {
             assert!(!said.contains("panicked"), "{command:?} with {limit} files: {said}");
             if command[0] == "doctor" {
                 let found = String::from_utf8_lossy(&ended.stdout);
-                assert!(code == Some(1) && found.contains("files that a run takes"), "{limit} files: {code:?}: {found}");
+                assert!(
+                    code == Some(1) && found.contains("files that a run takes"),
+                    "{limit} files: {code:?}: {found}"
+                );
                 continue;
             }
             // What `doctor` finds is its output; the others say on standard error why they end.

@@ -305,10 +305,15 @@ impl ScreenModel {
         }
     }
 
-    /// The keys that do something now: nothing can be stopped while nothing is on.
+    /// The keys that do something now: nothing can be stopped while nothing is on, and a day is not compared with its digests.
     pub(crate) fn keys(&self, place: KeyContext) -> impl Iterator<Item = &'static Binding> {
         let on = self.is_running() || self.watching;
-        keymap::bindings(place).filter(move |binding| on || binding.action != KeyAction::Stop)
+        let days = place == KeyContext::Records && self.records.runs.is_none();
+        keymap::bindings(place).filter(move |binding| match binding.action {
+            KeyAction::Stop => on,
+            KeyAction::Verify => !days,
+            _ => true,
+        })
     }
 
     /// Whether there is a page for captures.

@@ -197,3 +197,16 @@ fn a_journal_that_judges_against_its_own_figures_is_named() {
     let last = "events.jsonl calls cpu good although its last attempt is not";
     assert_eq!(said(figure(3.0, "failed"), ["passed", "failed", "passed"]), [last]);
 }
+
+/// What is longer than each file that is read is not made at all to be compared.
+#[test]
+fn what_no_file_may_say_is_not_made() {
+    let item = |bytes: usize| {
+        let mut item = ItemFile::from_state(&state(), 0).unwrap();
+        item.serial_number = "x".repeat(bytes);
+        item
+    };
+    assert!(is_within_bound(&item(1000)));
+    assert!(is_within_bound(&item(MAX_RECORD_BYTES as usize / 2)));
+    assert!(!is_within_bound(&item(MAX_RECORD_BYTES as usize)));
+}
