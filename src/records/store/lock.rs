@@ -17,11 +17,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 /// Takes the lock of a file or a folder, alone or with other readers. `false`: another program held it for all of this time.
 #[expect(clippy::disallowed_methods, reason = "flock has no wait with a deadline; this thread writes records alone")]
-pub(super) fn within(
-    file: &File,
-    wait: Duration,
-    try_lock: fn(&File) -> Result<(), TryLockError>,
-) -> io::Result<bool> {
+pub(super) fn within(file: &File, wait: Duration, try_lock: fn(&File) -> Result<(), TryLockError>) -> io::Result<bool> {
     let began = Instant::now();
     loop {
         match try_lock(file) {

@@ -451,3 +451,20 @@ fn the_order_of_the_lines_counts() {
         fs::write(&path, &before).unwrap();
     }
 }
+
+/// A sentence about a line is shown to people, so no sign of a forged line may move their cursor.
+#[test]
+fn a_control_character_makes_a_line_one_of_no_chain() {
+    let shelf = Shelf::new();
+    let path = shelf.path().join("2026-11-21/CHAIN");
+    let before = fs::read_to_string(&path).unwrap();
+    for (name, forged) in
+        [("2026-11-21/", "20\u{2}6-11-21/"), ("/A/", "/\u{1b}/"), ("-functional", "-functional\u{85}")]
+    {
+        assert!(before.contains(name), "{name}");
+        fs::write(&path, before.replacen(name, forged, 1)).unwrap();
+        let found = shelf.found(true, &[]);
+        assert!(found.iter().any(|found| found.contains("1 lines do not belong to a chain")), "{found:?}");
+        assert!(!found.iter().any(|found| found.contains(char::is_control)), "{found:?}");
+    }
+}

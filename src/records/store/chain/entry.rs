@@ -218,8 +218,8 @@ impl ChainEntry {
 
     /// `None` if the text is not a line of a chain, letter for letter as a station writes it.
     pub(super) fn parse(line: &str) -> Option<Self> {
-        // An editor of Windows leaves it at the end of a line, where it would be part of a run's name.
-        if line.contains('\r') {
+        // A station writes none: not the carriage return that an editor of Windows leaves at the end, and none into a name.
+        if line.contains(char::is_control) {
             return None;
         }
         let mut words = line.split(' ').peekable();

@@ -157,7 +157,7 @@ fn open_folder(book: &ChainBook, line: &ChainEntry, moved: &mut Moved, problems:
             }
         }
         Err(error) => {
-            problems.push(format!("line {number} of the chain ({run}): the folder of the run cannot be read: {error}"))
+            problems.push(format!("line {number} of the chain ({run}): the folder of the run cannot be read: {error}"));
         }
     }
 }

@@ -34,7 +34,7 @@ pub(super) fn strays(records: &Path) -> Strays {
                 (Copies::None, _) | (Copies::TooMany, true) => {}
                 (_, true) => problems.push(link(&name(&day))),
                 (Copies::Itself, false) => {
-                    problems.push(format!("{} is the folder of a run and stands in no day", name(&day)))
+                    problems.push(format!("{} is the folder of a run and stands in no day", name(&day)));
                 }
                 (Copies::AsInADay, false) => {
                     problems.push(format!("{} holds runs, and its name is not that of a day (YYYY-MM-DD)", name(&day)));
