@@ -92,16 +92,12 @@ impl Seals<'_> {
         Ok(Face::of(found, seal, is_broken))
     }
 
-    /// How the record of a run is kept, as far as a list says it; `None` for a run that is not closed. A pass counts only if no
-    /// later line of the chain is known to be missing: it may be that of a failure.
+    /// How the record of a run is kept, as far as a list says it; `None` for a run that is not closed.
     ///
     /// # Errors
     /// The chain of its day cannot be read.
     pub fn kept(&mut self, found: &FoundRun) -> Result<Option<Seal>, StoreError> {
         Ok(match self.face(found)? {
-            Face::Ended(verdict) if verdict.of_items().is_good() && self.lacks_lines_behind(&found.path)? => {
-                Some(Seal::Flawed(Flaw::LinesMissing))
-            }
             Face::Ended(_) => Some(Seal::Chained),
             Face::Late(_) => Some(Seal::Flawed(Flaw::ClosedLate)),
             Face::NotInChain(_) => Some(Seal::Flawed(Flaw::NotInChain)),

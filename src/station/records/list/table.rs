@@ -73,7 +73,6 @@ pub(super) fn seal_word(kept: Seal) -> Option<&'static str> {
         Seal::Chained => Some("held"),
         Seal::Flawed(Flaw::NotInChain) => Some("not_in_chain"),
         Seal::Flawed(Flaw::ClosedLate) => Some("closed_late"),
-        Seal::Flawed(Flaw::LinesMissing) => Some("lines_missing"),
         Seal::Flawed(Flaw::UnderWay | Flaw::NotClosed) => None,
         Seal::Flawed(_) => Some("changed"),
     }
