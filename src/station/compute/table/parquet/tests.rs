@@ -186,7 +186,7 @@ fn what_a_file_claims_is_looked_at_before_it_is_believed() {
         ("one column in each group", of(&|c| c.groups = 3), "its columns claim more bytes than the file has"),
         ("a place before the file", of(&|c| c.start = -4), "a column claims bytes outside of the file"),
         ("a place behind the file", of(&|c| c.start = 1 << 40), "a column claims bytes outside of the file"),
-        ("a column of less than nothing", of(&|c| c.bytes = Some(-1)), "more than 400 times its size"),
+        ("a column of less than nothing", of(&|c| c.bytes = Some(-1)), "a column claims bytes outside of the file"),
         ("a column of more than all", of(&|c| c.bytes = Some(i64::MAX)), "a column claims bytes outside of the file"),
         (
             "a page that unpacks to all numbers",
@@ -216,10 +216,15 @@ fn what_a_file_claims_is_looked_at_before_it_is_believed() {
         ("lengths of texts", texts(&differences, 6), "a page claims more values than it has"),
         ("beginnings of texts", texts(&differences, 7), "a page claims more values than it has"),
     ];
+    let mut others = Vec::new();
     for (case, bytes, expected) in told {
-        let refusal = read(&bytes).map(|columns| columns.numbers.len()).unwrap_err().to_string();
-        assert!(refusal.contains(expected), "{case}: {refusal}");
+        match read(&bytes) {
+            Ok(_) => others.push(format!("{case}: it was read")),
+            Err(refusal) if refusal.to_string().contains(expected) => {}
+            Err(refusal) => others.push(format!("{case}: {refusal}")),
+        }
     }
+    assert!(others.is_empty(), "{others:#?}");
 }
 
 /// Bytes of a good file are exchanged at random: it is read or refused, and the program goes on.
