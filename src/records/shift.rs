@@ -11,8 +11,8 @@ use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 
 use crate::standing::{Face, Seals};
-use crate::store::chain;
 use crate::store::reader::{self, FoundRun};
+use crate::store::{StoreError, chain};
 
 /// Largest number of runs of one day that are read: more than a socket can test.
 const MAX_RUNS_OF_DAY: usize = 5000;
@@ -66,13 +66,13 @@ impl WholeRun {
     /// The run, if it is one of this station and of a whole plan. A run whose record was not closed, or was closed late, is
     /// errored, whatever it says; so is one whose record was changed, one that the chain does not name, and one of which the chain cannot be
     /// read.
-    fn of(found: &FoundRun, of: &ShiftOf, seals: &mut Seals<'_>) -> Option<Self> {
+    fn of(found: &FoundRun, of: &ShiftOf, face: Result<Face, StoreError>) -> Option<Self> {
         let run = found.run.as_ref().ok()?;
         let outcome = run.verdict.of_module()?;
         let counts = run.station == of.station && run.bench.kind == of.kind && run.recomputed.is_none();
         // A run of another module than was scanned is of neither.
         let counts = counts && run.other_module.is_none() && run.bench.kind != BenchKind::Unproven;
-        let is_proved = match seals.face(found) {
+        let is_proved = match face {
             Ok(Face::Ended(_)) => true,
             Ok(Face::Late(_) | Face::NotInChain(_) | Face::Interrupted) | Err(_) => found.sealed && !outcome.is_good(),
             Ok(_) => false,
@@ -194,8 +194,12 @@ impl ShiftBook {
         let mut seals = Seals::new(&self.of.records);
         for path in &paths {
             if !self.read.contains_key(path) && !crate::store::goes_on(path) {
-                let run = WholeRun::of(&reader::found(path.clone()), &self.of, &mut seals);
-                self.read.insert(path.clone(), run);
+                let found = reader::found(path.clone());
+                let face = seals.face(&found);
+                // Its station closes it at this moment, so the next look tells.
+                if !matches!(face, Ok(Face::Running)) {
+                    self.read.insert(path.clone(), WholeRun::of(&found, &self.of, face));
+                }
             }
         }
         let paths = chain::by_close(&self.of.records, paths);
@@ -213,7 +217,11 @@ impl ShiftBook {
 fn was_judged(of: &ShiftOf, serial_number: &str, plan: &str, before: DateTime<FixedOffset>) -> bool {
     let earlier = reader::newest_of_module(&of.records, serial_number).take(MAX_EARLIER);
     let mut seals = Seals::new(&of.records);
-    let runs = earlier.filter_map(|path: PathBuf| WholeRun::of(&reader::found(path), of, &mut seals));
+    let runs = earlier.filter_map(|path: PathBuf| {
+        let found = reader::found(path);
+        let face = seals.face(&found);
+        WholeRun::of(&found, of, face)
+    });
     runs.into_iter()
         .any(|run| run.serial_number == serial_number && run.plan == plan && run.started < before && run.is_judged())
 }

@@ -25,7 +25,7 @@ use gnc_records::store::{PublicKey, StationKey, StoreError};
 use crate::args::{RunArgs, SimLink};
 use crate::files::{self, ReadFile};
 use crate::hook::HookProgram;
-use crate::outputs::may_write;
+use crate::outputs::may_hold_records;
 use crate::refusal::CommandRefusal;
 
 /// The bench file that is used when none is named.
@@ -140,7 +140,7 @@ pub(crate) fn check(args: &RunArgs) -> Result<CheckedBench, CommandRefusal> {
         Some(_) => Err(without_simulation()),
         None => real(args),
     }?;
-    may_write(&bench.records, "--records")?;
+    may_hold_records(&bench.records)?;
     Ok(bench)
 }
 

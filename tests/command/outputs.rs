@@ -49,7 +49,13 @@ fn nothing_is_written_among_runs() {
     ];
     for (path, why) in &places {
         let refused = |args: &[&str], option: &str| {
-            let hint = format!("try: name a place outside of the records folder with {option}");
+            let hint = match option {
+                "--records" => {
+                    "try: choose another folder with records = under [station] of the bench file or with --records"
+                        .to_owned()
+                }
+                _ => format!("try: name a place outside of the records folder with {option}"),
+            };
             check(&place.run(args.iter().copied()), 2, &[path, why, &hint]);
             assert_eq!(all(place.path()), before, "{args:?}");
         };

@@ -94,7 +94,9 @@ fn an_unproven_run_is_of_no_shift() {
     };
     let counts = |run: &str, of: BenchKind| {
         let of = ShiftOf { records: PathBuf::new(), station: "s".into(), kind: of };
-        WholeRun::of(&found(run), &of, &mut Seals::new(Path::new(""))).is_some()
+        let found = found(run);
+        let face = Seals::new(Path::new("")).face(&found);
+        WholeRun::of(&found, &of, face).is_some()
     };
     use BenchKind::{Real, Simulated, Unproven};
     assert!(counts("real", Real) && counts("simulated", Simulated));

@@ -23,7 +23,7 @@ pub enum Inside {
 pub fn inside_records(path: &Path) -> Option<Inside> {
     let place = resolved(path)?;
     let above = || place.ancestors().skip(1);
-    if let Some(run) = above().find(|folder| reader::is_run(folder)) {
+    if let Some(run) = above().find(|folder| reader::is_certainly_run(folder)) {
         return Some(Inside::Run(run.to_owned()));
     }
     let is_day = |folder: &&Path| {
@@ -88,6 +88,18 @@ mod tests {
             fs::write(run.join(file), text).unwrap();
         }
         symlink(&run, top.join("link")).unwrap();
+        // Other programs have files of these names.
+        for file in ["events.jsonl", "run.json", "SHA256SUMS"] {
+            let project = top.join("project").join(file);
+            fs::create_dir_all(&project).unwrap();
+            fs::write(project.join(file), "x").unwrap();
+        }
+        // A run that was sent alone.
+        let alone = top.join("alone");
+        fs::create_dir(&alone).unwrap();
+        for file in ["events.jsonl", "run.json", "SHA256SUMS"] {
+            fs::write(alone.join(file), "x").unwrap();
+        }
         let inside = |path: &str| inside_records(&top.join(path));
         for path in ["records/2026-11-28/A/120000-x/new", "records/2026-11-28/A/120000-x/01-imu/a/b", "link/x.xml"] {
             assert_eq!(inside(path), Some(Inside::Run(run.clone())), "{path}");
@@ -98,6 +110,10 @@ mod tests {
         // A day that was not there yet would be a day without runs.
         assert_eq!(inside("records/2026-12-01/x"), Some(Inside::Day(records.join("2026-12-01"))));
         assert_eq!(inside("records/COUNTER"), Some(Inside::Counter), "it may be gone for a while");
+        assert_eq!(inside("alone/x"), Some(Inside::Run(alone)));
+        for path in ["project/events.jsonl/x", "project/run.json/records", "project/SHA256SUMS/records/2026-11-28/x"] {
+            assert_eq!(inside(path), None, "{path}");
+        }
         for path in ["records/x", "records/exports/2026/x", "2026-11-28/x", "x", "other/x"] {
             assert_eq!(inside(path), None, "{path}");
         }

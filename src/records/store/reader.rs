@@ -402,6 +402,14 @@ pub fn is_run(folder: &Path) -> bool {
     [JOURNAL, RECORD, DIGESTS].iter().any(|file| folder.join(file).exists())
 }
 
+/// Whether a folder is certainly that of a run. Other programs too write a file with one of these names: a list of digests stands beside
+/// many a release.
+pub(crate) fn is_certainly_run(folder: &Path) -> bool {
+    let has = |file: &str| folder.join(file).is_file();
+    let stands_in_a_day = || folder.ancestors().nth(2).is_some_and(is_day);
+    [JOURNAL, RECORD, DIGESTS].iter().filter(|file| has(file)).count() > 1 || is_run(folder) && stands_in_a_day()
+}
+
 /// Whether a run's folder was closed with its digests.
 #[must_use]
 pub fn is_sealed(folder: &Path) -> bool {

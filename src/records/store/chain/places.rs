@@ -39,8 +39,9 @@ pub(super) fn strays(records: &Path) -> Strays {
                 (Copies::AsInADay, false) => {
                     problems.push(format!("{} holds runs, and its name is not that of a day (YYYY-MM-DD)", name(&day)));
                 }
-                (Copies::Deeper(run), false) => problems.push(format!(
-                    "{} is no day and holds runs of which the first is {}",
+                // No reader takes them for runs of these records.
+                (Copies::Deeper(run), false) => notes.push(format!(
+                    "{} is no day and holds copies of runs or records of another folder of which the first is {}",
                     name(&day),
                     name(&run)
                 )),
