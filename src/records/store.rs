@@ -32,6 +32,7 @@ mod record_writer;
 mod recovery;
 mod staying;
 mod tally;
+mod unread;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -48,6 +49,7 @@ pub use promised::Promises;
 pub use raw::{RawFile, RawPart};
 pub use record_writer::{RecordWriter, Watcher};
 pub use recovery::{Sealer, seal_interrupted};
+pub use unread::Unread;
 
 /// The journal of a run.
 pub const JOURNAL: &str = "events.jsonl";

@@ -58,7 +58,7 @@ pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<(&Path, Reach)>
 fn same(folder: &Path) -> Result<ExitCode, RunError> {
     // The digests show every changed sample, even if no figure depends on it.
     let found = as_written::check(folder);
-    let is_changed = !found.problems.is_empty();
+    let is_changed = !found.problems.is_empty() || !found.unread.is_empty();
     let problems = found.into_sentences();
     let run = RecordedRun::read(folder)?;
     let plan = run.recorded_plan()?;

@@ -188,13 +188,45 @@ fn what_may_not_be_read_is_called_unreadable() {
         let output = command.output().expect("the station");
         let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
         fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o755)).expect("rights");
-        assert_eq!(output.status.code(), Some(1), "{path}: {said}");
-        assert!(said.contains("Permission denied"), "{path}: {said}");
+        assert_eq!(output.status.code(), Some(2), "{path}: {said}");
+        // Told once, with what to do, and not as a change.
+        assert_eq!(said.matches("Permission denied").count(), 1, "{path}: {said}");
+        let closing = "gnc-station: some of these records cannot be read, so nothing shows whether they are as they were written\n  \
+                       try: run it as the station's user, or give this user the right to read them; then verify again\n";
+        assert!(said.ends_with(closing) && !said.contains("prove nothing"), "{path}: {said}");
         for wrong in
             ["missing", "was changed", "not in the chain", "does not begin", "does not say", "is gone", "cut off"]
         {
             assert!(!said.contains(wrong), "{path}: {said}");
         }
+    }
+}
+
+/// A change wins over what cannot be read, wherever it is: in the same run, behind a folder that is closed, and in another run.
+#[test]
+fn what_may_not_be_read_hides_no_change() {
+    let kept = Kept::new();
+    let changes = ["2026-11-28/T-2/091000-small/run.json", "2026-11-28/T-1/090000-small/run.json"];
+    let closed = ["events.jsonl", "report.html", "plan", "SHA256SUMS.sig"].map(|file| format!("{FAILED}/{file}"));
+    for (change, closed) in changes.iter().flat_map(|change| closed.iter().map(move |closed| (change, closed))) {
+        let (place, records) = copied(&kept);
+        let Some(changed) = fs::read_to_string(records.join(change)).ok() else { continue };
+        fs::write(records.join(change), changed.replace("small", "large")).expect("a change");
+        fs::set_permissions(place.path(), fs::Permissions::from_mode(0o755)).expect("rights");
+        if nix::unistd::geteuid().is_root() {
+            for found in tree(place.path()).expect("a tree").into_keys() {
+                chown(place.path().join(found), Some(UNPRIVILEGED), Some(UNPRIVILEGED)).expect("an owner");
+            }
+        }
+        let spoiled = records.join(closed);
+        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o000)).expect("rights");
+        let mut command = without_rights(STATION, place.path());
+        command.args(["records", "verify", "--records"]).arg(&records).stdin(Stdio::null());
+        let output = command.env("LC_ALL", "C.UTF-8").current_dir(place.path()).output().expect("the station");
+        let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o755)).expect("rights");
+        assert_eq!(output.status.code(), Some(1), "{change}, {closed}: {said}");
+        assert!(said.contains("run.json was changed") && !said.contains("missing"), "{change}, {closed}: {said}");
     }
 }
 

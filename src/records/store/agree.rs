@@ -15,6 +15,7 @@ use serde_json::Value;
 
 use super::contents::PlanFiles;
 use super::reader::MAX_RECORD_BYTES;
+use super::unread::says_nothing;
 use super::{ITEM, JOURNAL, PLAN, RECORD, item_folder, pending};
 use crate::passport::{self, PASSPORT, PASSPORT_XML};
 
@@ -32,7 +33,7 @@ pub(super) fn unlike(run: &Path, state: RunState, record_sha256: &str, known: &K
     problems.extend(judged_otherwise(&state));
     let bytes = bytes(run, RECORD);
     // That it cannot be read was said with its digest.
-    let is_unread = bytes.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::PermissionDenied);
+    let is_unread = bytes.as_ref().is_err_and(says_nothing);
     let stored = bytes.ok().and_then(|bytes| serde_json::from_slice::<RunRecord>(&bytes).ok());
     let record = RunRecord::of_folded(state);
     let is_same = (stored.as_ref().zip(record.as_ref()))

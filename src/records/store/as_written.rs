@@ -7,11 +7,14 @@ use std::path::{Path, PathBuf};
 
 use super::agree;
 use super::begun;
-use super::captured::{self, CapturedFiles};
+use super::captured::CapturedFiles;
 use super::digest::FileDigests;
 use super::litter::{self, is_litter};
 use super::reader::{ReadError, fold};
-use super::{DIGESTS, PublicKey, SIGNATURE, StoreError, captures, chain, digest, folded, goes_on, names, pending};
+use super::unread::says_nothing;
+use super::{
+    DIGESTS, PublicKey, SIGNATURE, StoreError, Unread, captures, chain, digest, folded, goes_on, names, pending,
+};
 
 /// Longest list of digests: that of a run of 20,000 items with all of their files.
 const MAX_DIGESTS_BYTES: u64 = 64 << 20;
@@ -21,6 +24,8 @@ const MAX_DIGESTS_BYTES: u64 = 64 << 20;
 pub struct Verified {
     /// What is wrong, a sentence each; empty if all is as it was written.
     pub problems: Vec<String>,
+    /// What could not be read: nothing is known of it. What could be was compared.
+    pub unread: Vec<Unread>,
     /// A later version of the station wrote the journal: only the digests are compared, not the content of the journal.
     pub newer: Option<ReadError>,
     /// A station is writing the run now: it has no digests yet, and nothing is wrong with it.
@@ -44,10 +49,19 @@ pub fn verify(folder: &Path) -> Vec<String> {
 }
 
 impl Verified {
+    /// Of a comparison that an error ended.
+    fn broken_off(error: StoreError) -> Self {
+        match Unread::of(error) {
+            Ok(unread) => Self { unread: vec![unread], ..Self::default() },
+            Err(error) => Self { problems: vec![gnc_text::with_causes(&error)], ..Self::default() },
+        }
+    }
+
     /// All that keeps the run from being as it was written, a sentence each.
     #[must_use]
     pub fn into_sentences(self) -> Vec<String> {
-        let Self { mut problems, newer, running, never_begun, incomplete, unnamed, only_litter: _ } = self;
+        let Self { mut problems, unread, newer, running, never_begun, incomplete, unnamed, only_litter: _ } = self;
+        problems.extend(unread.into_iter().map(|unread| unread.why));
         problems.extend(incomplete);
         problems.extend(unnamed);
         problems.extend(newer.map(|newer| newer.to_string()));
@@ -60,9 +74,9 @@ impl Verified {
 /// Problems of a run that has its digests and that no other station holds, whether its files have their names or not, and without files
 /// that are none of the run.
 pub(crate) fn changes(folder: &Path) -> Vec<String> {
-    let checked = compare(folder, true)
-        .unwrap_or_else(|error| Verified { problems: vec![gnc_text::with_causes(&error)], ..Verified::default() });
-    let Verified { mut problems, newer, never_begun, incomplete, .. } = checked;
+    let checked = compare(folder, true).unwrap_or_else(Verified::broken_off);
+    let Verified { mut problems, unread, newer, never_begun, incomplete, .. } = checked;
+    problems.extend(unread.into_iter().map(|unread| unread.why));
     problems.extend(incomplete);
     problems.extend(newer.map(|newer| newer.to_string()));
     problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
@@ -103,8 +117,7 @@ pub fn of_strangers(folder: &Path) -> Option<(String, &'static str)> {
 pub fn check(folder: &Path) -> Verified {
     let check = || {
         let waiting = pending::waiting(folder);
-        let checked = compare(folder, false)
-            .unwrap_or_else(|error| Verified { problems: vec![gnc_text::with_causes(&error)], ..Verified::default() });
+        let checked = compare(folder, false).unwrap_or_else(Verified::broken_off);
         (checked, waiting != pending::waiting(folder))
     };
     let checked = match check() {
@@ -112,7 +125,7 @@ pub fn check(folder: &Path) -> Verified {
         (_, true) => check().0,
         (checked, false) => checked,
     };
-    if checked.unnamed.is_some() && checked.problems.is_empty() && goes_on(folder) {
+    if checked.unnamed.is_some() && checked.problems.is_empty() && checked.unread.is_empty() && goes_on(folder) {
         return Verified { running: true, ..Verified::default() };
     }
     checked
@@ -132,21 +145,30 @@ pub fn is_signed(folder: &Path) -> bool {
 /// The problem with the signature of a run's digests by one of the keys, if any. Without keys nothing is checked.
 #[must_use]
 pub fn verify_signature(folder: &Path, keys: &[PublicKey]) -> Option<String> {
+    signature(folder, keys).unwrap_or_else(|unread| Some(unread.why))
+}
+
+/// The same, and apart from it a signature that could not be read.
+///
+/// # Errors
+/// The signature is there, and could not be read.
+pub fn signature(folder: &Path, keys: &[PublicKey]) -> Result<Option<String>, Unread> {
     let read = |name| gnc_files::read_below(folder, Path::new(name), MAX_DIGESTS_BYTES);
-    match (read(DIGESTS), read(SIGNATURE)) {
+    Ok(match (read(DIGESTS), read(SIGNATURE)) {
         _ if keys.is_empty() => None,
         (Ok(digests), Ok(signature)) if keys.iter().any(|key| key.signed(&digests, &signature)) => None,
         (Ok(_), Ok(_)) => Some(format!("{SIGNATURE} is not the signature of {DIGESTS} with this key")),
         (Ok(_), Err(error)) if error.kind() == io::ErrorKind::NotFound => {
             Some(format!("{SIGNATURE} is missing: the run is not signed"))
         }
+        (Ok(_), Err(source)) if says_nothing(&source) => return Err(Unread::new(&folder.join(SIGNATURE), source)),
         (Ok(_), Err(source)) => {
             let error = StoreError::File { what: "read", path: folder.join(SIGNATURE), source };
             Some(gnc_text::with_causes(&error))
         }
         // `verify` reports missing digests.
         (Err(_), _) => None,
-    }
+    })
 }
 
 /// What the journal of a run says of its raw files and the station did not sign with one of the keys, a sentence each. Without
@@ -162,19 +184,34 @@ pub fn verify_captured(folder: &Path, keys: &[PublicKey]) -> Vec<String> {
 fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
     let only = |problem: String| Ok(Verified { problems: vec![problem], ..Verified::default() });
     let path = folder.join(DIGESTS);
+    let looked = path.symlink_metadata();
+    if let Err(source) = looked
+        && says_nothing(&source)
+    {
+        // Of a folder that cannot be entered it is not known what is there.
+        return Ok(Verified { unread: vec![Unread::new(folder, source)], ..Verified::default() });
+    }
     // Looked at before the journal is read: a run that ends meanwhile has its digests then.
     let is_under_way = || !path.exists() || !pending::waiting(folder).is_empty();
     // A run whose line is in the chain is whole, whatever holds its folder.
     if !is_ours && is_under_way() && goes_on(folder) && !chain::is_closed(folder).unwrap_or(false) {
         return Ok(Verified { running: true, ..Verified::default() });
     }
+    let mut unread = Vec::new();
     let (state, newer) = match fold(folder) {
         Ok(state) => (Some(state), None),
         Err(error) if error.is_newer() => (None, Some(error)),
         // The digests say what it was.
         Err(ReadError::NeverBegun) if path.exists() => (None, None),
         Err(ReadError::NeverBegun) => return Ok(Verified { never_begun: true, ..Verified::default() }),
-        Err(error) => return only(begun::strangers(folder).unwrap_or_else(|| gnc_text::with_causes(&error))),
+        Err(error) => match Unread::of_read(error) {
+            // The other files are compared all the same.
+            Ok(journal) => {
+                unread.push(journal);
+                (None, None)
+            }
+            Err(error) => return only(begun::strangers(folder).unwrap_or_else(|| gnc_text::with_causes(&error))),
+        },
     };
     if let Some(strangers) = begun::strangers(folder) {
         return only(strangers);
@@ -192,9 +229,14 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
                 )
             },
         );
-        let mut problems = captured::unlike(folder);
+        let (mut problems, more) =
+            CapturedFiles::read(folder).map(|captured| captured.unlike(folder, &HashMap::new())).unwrap_or_default();
+        add(&mut unread, &mut problems, more);
         problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
-        return Ok(Verified { problems, incomplete: Some(what), newer, ..Verified::default() });
+        return Ok(Verified { problems, unread, incomplete: Some(what), newer, ..Verified::default() });
+    }
+    if !path.exists() && !unread.is_empty() {
+        return Ok(Verified { unread, newer, ..Verified::default() });
     }
     if !path.exists() {
         let problem = format!(
@@ -203,7 +245,21 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
         let problems: Vec<String> = state.as_ref().and_then(|state| names::unlike(folder, state)).into_iter().collect();
         return Ok(Verified { problems, incomplete: Some(problem), newer, ..Verified::default() });
     }
-    let (sums, bad) = FileDigests::read(folder)?;
+    let (sums, bad) = match FileDigests::read(folder) {
+        Ok(read) => read,
+        Err(error) => {
+            // Without digests the journal alone tells what it was.
+            unread.push(Unread::of(error)?);
+            let mut problems: Vec<String> =
+                state.as_ref().and_then(|state| names::unlike(folder, state)).into_iter().collect();
+            if let Ok(captured) = CapturedFiles::read(folder) {
+                let (unlike, more) = captured.unlike(folder, &HashMap::new());
+                problems.extend(unlike);
+                add(&mut unread, &mut problems, more);
+            }
+            return Ok(Verified { problems, unread, newer, ..Verified::default() });
+        }
+    };
     let mut problems = vec![format!("{DIGESTS} holds a line that is not a digest"); bad];
     problems.extend(state.as_ref().and_then(|state| names::unlike(folder, state)));
     let record_sha256 = sums.of_record();
@@ -215,7 +271,15 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
         waiting.iter().map(|name| (pending::waiting_name(name).into(), *name)).collect();
     let mut unnamed = None;
     let mut known = HashMap::new();
-    for file in digest::files_below(folder)? {
+    let (files, closed) = digest::readable_below(folder)?;
+    let below: Vec<PathBuf> = {
+        let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+        closed.iter().filter_map(|one| Some(one.path.strip_prefix(&whole).ok()?.to_owned())).collect()
+    };
+    // What stands below such a folder is not missing.
+    promised.retain(|file, _| !below.iter().any(|closed| file.starts_with(closed)));
+    unread.extend(closed);
+    for file in files.clone() {
         let named = waiting.get(&file).map(Path::new);
         if named.is_some() {
             unnamed = Some(format!(
@@ -234,7 +298,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
                     drop(known.insert(named.map_or_else(|| file.clone(), Path::to_owned), digest));
                 }
                 Ok(_) => problems.push(format!("{} was changed", gnc_text::shown_path(&file))),
-                Err(error) => problems.push(gnc_text::with_causes(&error)),
+                Err(error) => add(&mut unread, &mut problems, vec![error]),
             },
         }
     }
@@ -278,14 +342,31 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
             problems.extend(promised.keys().map(|file| format!("{} is missing", gnc_text::shown_path(file))));
         }
     }
-    problems.extend(captures::of_other_runs(folder)?);
+    problems.extend(captures::of_other_runs(folder, &files, &mut unread));
     if let Some(state) = state {
         match CapturedFiles::read(folder) {
-            Ok(captured) => problems.extend(captured.unlike(folder, &known)),
-            Err(error) => problems.push(gnc_text::with_causes(&error)),
+            Ok(captured) => {
+                let (unlike, more) = captured.unlike(folder, &known);
+                problems.extend(unlike);
+                add(&mut unread, &mut problems, more);
+            }
+            Err(error) => match Unread::of_read(error) {
+                Ok(journal) => unread.push(journal),
+                Err(error) => problems.push(gnc_text::with_causes(&error)),
+            },
         }
         problems.extend(agree::unlike(folder, state, &record_sha256, &known));
     }
     only_litter &= problems.len() == added.len();
-    Ok(Verified { problems, newer, unnamed, only_litter, ..Verified::default() })
+    Ok(Verified { problems, unread, newer, unnamed, only_litter, ..Verified::default() })
+}
+
+/// Adds what could not be read to the one list, and each other error to the other.
+fn add(unread: &mut Vec<Unread>, problems: &mut Vec<String>, errors: Vec<StoreError>) {
+    for error in errors {
+        match Unread::of(error) {
+            Ok(one) => unread.push(one),
+            Err(error) => problems.push(gnc_text::with_causes(&error)),
+        }
+    }
 }

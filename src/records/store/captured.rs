@@ -13,7 +13,8 @@ use gnc_executive::journal::JournalLines;
 use sha2::{Digest as _, Sha256};
 
 use super::reader::{ReadError, open_journal};
-use super::{JOURNAL, PublicKey, digest};
+use super::unread::says_nothing;
+use super::{JOURNAL, PublicKey, StoreError, digest};
 
 /// What each line about a raw file has near its beginning. The journal is long, and most of it need not be taken apart.
 const MARK: &[u8] = b"\"kind\":\"captured\"";
@@ -33,8 +34,13 @@ pub(crate) struct CapturedFile {
 }
 
 /// What is not as the journal of a run says it, a sentence each; nothing if the journal cannot be read.
-pub(super) fn unlike(run: &Path) -> Vec<String> {
-    CapturedFiles::read(run).map(|captured| captured.unlike(run, &HashMap::new())).unwrap_or_default()
+///
+/// # Errors
+/// A file could not be read just then: nothing is known of it, and a later look finds more.
+pub(super) fn unlike(run: &Path) -> Result<Vec<String>, StoreError> {
+    let Ok(captured) = CapturedFiles::read(run) else { return Ok(Vec::new()) };
+    let (problems, unread) = captured.unlike(run, &HashMap::new());
+    unread.into_iter().next().map_or(Ok(problems), Err)
 }
 
 impl CapturedFiles {
@@ -79,20 +85,25 @@ impl CapturedFiles {
         self.0.values().any(|captured| !captured.is_tied)
     }
 
-    /// What is not as the journal says it, a sentence each. `known` are digests of whole files that were read before.
-    pub(crate) fn unlike(&self, run: &Path, known: &HashMap<PathBuf, String>) -> Vec<String> {
-        let mut problems = Vec::new();
+    /// What is not as the journal says it, a sentence each, and what could not be read. `known` are digests of whole files that were
+    /// read before.
+    pub(super) fn unlike(&self, run: &Path, known: &HashMap<PathBuf, String>) -> (Vec<String>, Vec<StoreError>) {
+        let (mut problems, mut unread) = (Vec::new(), Vec::new());
         for (file, captured) in &self.0 {
             let name = Path::new(file);
             let CapturedSamples { bytes, sha256, .. } = &captured.said;
             let length = run.join(name).symlink_metadata().map_or(0, |meta| meta.len());
             let is_known = known.get(name).is_some_and(|known| length == *bytes && known == sha256);
-            let unlike = match gnc_files::below(run, name) {
-                _ if is_known => None,
-                Ok(found) => match digest_of(&mut found.take(*bytes)) {
-                    Ok(held) => captured.unlike(&held),
-                    Err(error) => Some(format!("{} cannot be read: {error}", captured.shown())),
-                },
+            if is_known {
+                continue;
+            }
+            let held = gnc_files::below(run, name).and_then(|found| digest_of(&mut found.take(*bytes)));
+            let unlike = match held {
+                Ok(held) => captured.unlike(&held),
+                Err(source) if says_nothing(&source) => {
+                    unread.push(StoreError::File { what: "read", path: run.join(name), source });
+                    None
+                }
                 Err(error) if error.kind() == io::ErrorKind::NotFound => Some(captured.missing()),
                 Err(error) => Some(format!("{} cannot be read: {error}", captured.shown())),
             };
@@ -100,7 +111,7 @@ impl CapturedFiles {
         }
         // An edited line is behind all that follow.
         problems.extend(self.0.values().find(|captured| !captured.is_tied).map(CapturedFile::untied));
-        problems
+        (problems, unread)
     }
 
     /// The lines about files that none of these keys signed, a sentence each.

@@ -6,7 +6,8 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::captured::{Digested, HeldBytes};
-use super::{JOURNAL, Promises, StoreError, chain, digest, item_folder, raw_file};
+use super::unread::says_nothing;
+use super::{JOURNAL, Promises, StoreError, Unread, chain, digest, item_folder, raw_file};
 use crate::raw::{self, RawError, RawOrigin, RawRecord};
 
 /// Why captures cannot be read back.
@@ -131,19 +132,24 @@ impl<F: FnMut(usize) -> io::Result<()>> Read for Watched<F> {
     }
 }
 
-/// What is wrong with the raw files of a run, a sentence each: they are of another run.
-pub(super) fn of_other_runs(run: &Path) -> Result<Vec<String>, StoreError> {
+/// What is wrong with the raw files among these of a run, a sentence each: they are of another run.
+pub(super) fn of_other_runs(run: &Path, files: &[PathBuf], unread: &mut Vec<Unread>) -> Vec<String> {
     let mut problems = Vec::new();
-    for file in files(run)? {
+    let raw = files.iter().filter(|file| file.extension().is_some_and(|extension| extension == "mcap"));
+    for file in raw.map(|file| run.join(file)) {
         let begin = gnc_files::own(&file).map_err(RawError::from).and_then(raw::origin);
         let error = match begin {
             Ok((origin, holds_some)) => not_of(run, origin.as_ref(), holds_some),
+            Err(RawError::Io(source)) if says_nothing(&source) => {
+                unread.push(Unread::new(&file, source));
+                None
+            }
             Err(error) => Some(error),
         };
         let name = file.strip_prefix(run).unwrap_or(&file).to_string_lossy().into_owned();
         problems.extend(error.map(|error| format!("{name}: {}", gnc_text::with_causes(&error))));
     }
-    Ok(problems)
+    problems
 }
 
 /// The folder of the run in which a raw file is; `None` if it is elsewhere.
@@ -179,6 +185,10 @@ mod tests {
     use crate::raw::{Piece, RawWriter};
     use crate::store::chain::{Scribe, begin};
 
+    fn of_other_runs(run: &Path) -> Vec<String> {
+        super::of_other_runs(run, &digest::files_below(run).unwrap(), &mut Vec::new())
+    }
+
     /// A file with one empty capture.
     fn file(origin: Option<&RawOrigin>) -> Vec<u8> {
         let mut out = RawWriter::new(Cursor::new(Vec::new()), origin).unwrap();
@@ -209,7 +219,7 @@ mod tests {
         };
         fs::write(&raw, file(Some(&origin))).unwrap();
         assert_eq!(read(&raw).unwrap().origin.as_ref(), Some(&origin));
-        assert_eq!(of_other_runs(&run).unwrap(), Vec::<String>::new());
+        assert_eq!(of_other_runs(&run), Vec::<String>::new());
 
         journal("EVIL");
         let named = RawOrigin { serial_number: "EVIL".into(), ..origin.clone() };
@@ -220,7 +230,7 @@ mod tests {
                 "01-imu/attempt-1.mcap: it is of another run: calibration of {}, begun at ",
                 origin.serial_number
             );
-            assert_eq!(of_other_runs(&run).unwrap(), [said]);
+            assert_eq!(of_other_runs(&run), [said]);
         }
         // On its own the same file can be read: no run contradicts it.
         let alone = records.path().join("alone.mcap");
@@ -229,14 +239,14 @@ mod tests {
 
         // Without the name it may be of an earlier version, unless the chain knows when the run began.
         fs::write(&raw, file(None)).unwrap();
-        assert!(read(&raw).is_ok() && of_other_runs(&run).unwrap().is_empty());
+        assert!(read(&raw).is_ok() && of_other_runs(&run).is_empty());
         let at = chrono::DateTime::UNIX_EPOCH.fixed_offset();
         begin(&run, &Scribe { station: "bench", at, key: None, late: None }).unwrap();
         assert!(matches!(read(&raw).unwrap_err().source, RawError::NoRun));
-        assert_eq!(of_other_runs(&run).unwrap().len(), 1);
+        assert_eq!(of_other_runs(&run).len(), 1);
         // A kill within the head of the file leaves nothing to name.
         let head = RawWriter::new(Cursor::new(Vec::new()), None).unwrap().finish().unwrap().into_inner();
         fs::write(&raw, head).unwrap();
-        assert!(read(&raw).is_ok() && of_other_runs(&run).unwrap().is_empty());
+        assert!(read(&raw).is_ok() && of_other_runs(&run).is_empty());
     }
 }

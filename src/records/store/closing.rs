@@ -98,7 +98,7 @@ fn seal_files(
     contents.add_to(&mut sums, folder)?;
     if let Some(record) = &record {
         // A person had time to exchange files only where the station did not close the run itself.
-        let unlike = if record.interrupted || late.is_some() { captured::unlike(folder.path()) } else { Vec::new() };
+        let unlike = if record.interrupted || late.is_some() { captured::unlike(folder.path())? } else { Vec::new() };
         let log = log(record, contents.cut_off, &unlike, late);
         sums.insert(LOG, folder.put_waiting(LOG, |out| out.write_all(log.as_bytes()))?);
         sums.insert(RECORD, folder.put_waiting(RECORD, |out| pretty(out, record))?);

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest as _, Sha256};
 
-use super::{DIGESTS, PAPERS, SIGNATURE, StoreError, on};
+use super::{DIGESTS, PAPERS, SIGNATURE, StoreError, Unread, on};
 
 /// Longest list of digests: 20,000 items of a plan with some files each, and two hundred bytes for each.
 pub(crate) const MAX_DIGESTS_BYTES: u64 = 64 << 20;
@@ -95,13 +95,44 @@ impl io::Write for HashWriter<'_> {
 /// # Errors
 /// [`StoreError::File`].
 pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    files_below_but(folder, Err)
+}
+
+/// The same, and what could not be read: it hides nothing of the rest.
+///
+/// # Errors
+/// As [`files_below`].
+pub(super) fn readable_below(folder: &Path) -> Result<(Vec<PathBuf>, Vec<Unread>), StoreError> {
+    let mut unread = Vec::new();
+    let files = files_below_but(folder, |error| Unread::of(error).map(|one| unread.push(one)))?;
+    Ok((files, unread))
+}
+
+fn files_below_but(
+    folder: &Path,
+    mut leave_out: impl FnMut(StoreError) -> Result<(), StoreError>,
+) -> Result<Vec<PathBuf>, StoreError> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(dir) = folders.pop() {
-        for entry in on(fs::read_dir(&dir), "read", &dir)? {
-            let path = on(entry, "read", &dir)?.path();
+        let read = fs::read_dir(&dir).and_then(Iterator::collect::<io::Result<Vec<_>>>);
+        let entries = match on(read, "read", &dir) {
+            Ok(entries) => entries,
+            Err(error) => {
+                leave_out(error)?;
+                continue;
+            }
+        };
+        for path in entries.into_iter().map(|entry| entry.path()) {
             // Links are not followed: a record holds its own files.
-            if on(path.symlink_metadata(), "read", &path)?.is_dir() {
+            let meta = match on(path.symlink_metadata(), "read", &path) {
+                Ok(meta) => meta,
+                Err(error) => {
+                    leave_out(error)?;
+                    continue;
+                }
+            };
+            if meta.is_dir() {
                 folders.push(path);
             } else if let Ok(relative) = path.strip_prefix(folder)
                 && ![Path::new(DIGESTS), Path::new(SIGNATURE)].contains(&relative)

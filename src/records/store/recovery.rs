@@ -406,7 +406,7 @@ fn seal(records: &Path, run: &Path, before: &Before, by: &Sealer<'_>) -> Result<
     let folder = RunFolder::existing(run).signed_with(by.key.cloned());
     let cut_off = cut_off::complete(&folder)?.files;
     let began = chain::begin(run, &by.scribe())?;
-    let mut what = captured::unlike(run);
+    let mut what = captured::unlike(run)?;
     what.extend(is_by_other.then(|| "another key signed the line of its beginning".to_owned()));
     let said = in_words(&state, &record, &cut_off, &what);
     let contents = Contents { state: &Mutex::new(state), plan: &plan, cut_off: &cut_off, made: &[] };

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use gnc_records::store::as_written::{self, Verified};
 use gnc_records::store::chain::{Against, ChainBook, ChainCheck, Head, LateCloses, Place, verify_against};
 use gnc_records::store::reader::{self, ReadError};
-use gnc_records::store::{DIGESTS, PublicKey, may_begin};
+use gnc_records::store::{DIGESTS, PublicKey, Unread, may_begin};
 use gnc_text::printable;
 
 use super::{RecordsArgs, no_such, resolve_in, store_refusal};
@@ -88,6 +88,42 @@ impl Books {
     }
 }
 
+/// What could not be read. Each file and folder is told once, and nothing of what stands below.
+#[derive(Default)]
+struct UnreadTold {
+    told: HashSet<PathBuf>,
+    /// Runs in which something could not be read, and nothing else was found.
+    runs: usize,
+    lacks_rights: bool,
+}
+
+impl UnreadTold {
+    /// `true`: there is something of which nothing is known, whether it was told before or not.
+    fn say<W: io::Write>(&mut self, unread: &[Unread], out: &mut Lines<W>) -> bool {
+        for one in unread {
+            self.lacks_rights |= one.lacks_rights;
+            if !one.path.ancestors().any(|path| self.told.contains(path)) {
+                self.told.insert(one.path.clone());
+                out.say(printable(&one.why));
+            }
+        }
+        !unread.is_empty()
+    }
+
+    /// What helps, if there is something.
+    fn try_this(&self) -> Option<&'static str> {
+        match (self.told.is_empty(), self.lacks_rights) {
+            (true, _) => None,
+            (false, true) => {
+                Some("run it as the station's user, or give this user the right to read them; then verify again")
+            }
+            (false, false) => {
+                Some("look at the disk, its mount and the limit of open files (`ulimit -n`); then verify again")
+            }
+        }
+    }
+}
+
 fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Result<ExitCode, CommandRefusal> {
     let mut out = Lines::to_stdout();
     let progress = Progress::begin("runs are compared with what was written");
@@ -114,6 +150,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     };
     let (mut bad, mut newer, mut running, mut never_begun, mut incomplete) = (0, 0, 0, 0, 0);
     let (mut littered, mut unproved) = (0, 0);
+    let mut unread = UnreadTold::default();
     let mut late_closes = LateCloses::default();
     let mut books = Books::default();
     // The whole chain is told behind the runs.
@@ -148,10 +185,12 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             out.say(format_args!("{place}: {}", ReadError::NeverBegun));
             continue;
         }
+        let is_unread = unread.say(&found.unread, &mut out);
         if let Some(what) = found.incomplete.take() {
             // Of what was changed as well, the next start mends nothing.
             bad += usize::from(!found.problems.is_empty());
-            incomplete += usize::from(found.problems.is_empty());
+            incomplete += usize::from(found.problems.is_empty() && !is_unread);
+            unread.runs += usize::from(found.problems.is_empty() && is_unread);
             for what in [what].iter().chain(&found.problems) {
                 out.say_of(&place.to_string(), printable(what));
             }
@@ -160,7 +199,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         let of_folder = found.problems.len();
         let mut unsigned = None;
         let mut began_signed = false;
-        let mut broke_off = None;
+        let (mut broke_off, mut of_lines) = (None, Vec::new());
         if let Some((run, book)) = books.of(folder) {
             if !against.keys.is_empty() && !as_written::is_signed(folder) {
                 unsigned = book.why_unsigned(&run);
@@ -169,17 +208,23 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             if all.is_none() && reader::is_sealed(folder) {
                 broke_off = book.broke_off(&run);
                 if broke_off.is_none() {
-                    found.problems.extend(book.of_run(&run, against));
+                    let checked = book.of_run(&run, against);
+                    of_lines = checked.unread;
+                    found.problems.extend(checked.problems);
                 }
             }
         }
         if let Some(what) = broke_off.or(found.unnamed.take()).filter(|_| found.problems.is_empty()) {
-            incomplete += 1;
+            incomplete += usize::from(!is_unread);
+            unread.runs += usize::from(is_unread);
             out.say_of(&place.to_string(), printable(&what));
             continue;
         }
         if unsigned.is_none() {
-            found.problems.extend(as_written::verify_signature(folder, against.keys));
+            match as_written::signature(folder, against.keys) {
+                Ok(problem) => found.problems.extend(problem),
+                Err(signature) => of_lines.push(signature),
+            }
             // A station that got its key later did not sign what it had captured before.
             let signs = if began_signed { against.keys } else { &[] };
             found.problems.extend(as_written::verify_captured(folder, signs));
@@ -192,10 +237,13 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         let is_signed = !against.keys.is_empty() && as_written::is_signed(folder);
         let lost_its_chain = is_in_a_day && is_signed;
         found.problems.extend(lost_its_chain.then(|| NO_CHAIN.to_owned()));
-        let whole = found.problems.is_empty();
+        let is_unread = unread.say(&of_lines, &mut out) || is_unread;
+        let whole = found.problems.is_empty() && !is_unread;
         // A chain that cannot be read is told with the chain.
         let late = late_closes.of(folder).ok().flatten();
-        if let Some(late) = &late {
+        let is_unknown = is_unread && found.problems.is_empty();
+        // Of files that cannot be read it is not known whether they were changed.
+        if let Some(late) = late.as_ref().filter(|_| !is_unknown) {
             let now =
                 if whole { "its files are as the journal left them" } else { "its files were changed after that" };
             out.say(format_args!("{place}: {}; {now}", printable(&late.in_words())));
@@ -219,13 +267,14 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         for problem in &found.problems {
             out.say_of(&place.to_string(), printable(problem));
         }
-        bad += usize::from(!whole);
-        littered += usize::from(found.only_litter && found.problems.len() == of_folder);
+        bad += usize::from(!found.problems.is_empty());
+        unread.runs += usize::from(is_unknown);
+        littered += usize::from(found.only_litter && !is_unread && found.problems.len() == of_folder);
         newer += usize::from(whole && found.newer.is_some());
     }
     drop(progress);
     let ended = folders.len() - running - never_begun;
-    let whole = ended - bad - newer - incomplete;
+    let whole = ended - bad - newer - incomplete - unread.runs;
     if let (Some(place), Some(checked)) = (&all, &chain)
         && ended + running == 0
         && checked.is_of_nothing()
@@ -237,6 +286,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     }
     out.say(format_args!("{whole} of {ended} runs are as written"));
     if let Some(checked) = &chain {
+        unread.say(&checked.unread, &mut out);
         bad += along_the_chain(checked, &mut out) + checked.litter.len();
         littered += checked.litter.len();
         incomplete += checked.incomplete.len();
@@ -248,6 +298,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     }
     let mut told = HashSet::new();
     for checked in &named {
+        unread.say(&checked.unread, &mut out);
         for what in checked.incomplete.iter().chain(&checked.problems).filter(|what| told.insert(what.as_str())) {
             out.say_of(&out.wording.text("chain"), printable(what));
         }
@@ -279,6 +330,13 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         let try_this = "test the module of an interrupted run again; restore changed files from a backup";
         complain("these records are not as they were written, so they prove nothing", try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
+    }
+    // A start mends nothing that it cannot read, and a change may be there.
+    if let Some(try_this) = unread.try_this() {
+        return Ok(refuse(
+            "some of these records cannot be read, so nothing shows whether they are as they were written",
+            try_this,
+        ));
     }
     if incomplete > 0 {
         complain(
@@ -340,7 +398,10 @@ fn against_the_chain(run: &Path, found: &Verified, books: &mut Books) -> Option<
         digests.is_err_and(|error| error.kind() == io::ErrorKind::NotFound)
     };
     let is_open = |found: &Verified| {
-        found.running || found.never_begun || found.incomplete.is_some() || !found.problems.is_empty() && is_unsealed()
+        found.running
+            || found.never_begun
+            || found.incomplete.is_some()
+            || !(found.problems.is_empty() && found.unread.is_empty()) && is_unsealed()
     };
     if !is_open(found) {
         return None;
@@ -352,8 +413,8 @@ fn against_the_chain(run: &Path, found: &Verified, books: &mut Books) -> Option<
 
 /// Prints what the chain of closed runs shows, and returns the number of its problems.
 fn along_the_chain<W: std::io::Write>(checked: &ChainCheck, out: &mut Lines<W>) -> usize {
-    let ChainCheck { runs, first, problems, incomplete, notes, late, litter, signed: _ } = checked;
-    if problems.is_empty() && incomplete.is_empty() && *runs > 0 {
+    let ChainCheck { runs, first, problems, unread, incomplete, notes, late, litter, signed: _ } = checked;
+    if problems.is_empty() && unread.is_empty() && incomplete.is_empty() && *runs > 0 {
         let elsewhere = if *first > 1 {
             format!(" from line {first} on; earlier lines are not in this folder")
         } else {

@@ -325,7 +325,7 @@ fn a_witness_of_one_run_is_tied_to_it() {
     let found = |shelf: &Shelf, head: &Head| {
         let run = shelf.path().join(run);
         let against = Against { keys: &[], heads: std::slice::from_ref(head) };
-        ChainBook::read(shelf.path()).unwrap().of_run(&run, &against)
+        ChainBook::read(shelf.path()).unwrap().of_run(&run, &against).problems
     };
     let shelf = Shelf::new();
     let early = Forge::read(&shelf).keeping(|words| words[0] == "2").last();

@@ -8,7 +8,7 @@ use super::entry::{ChainEntry, Place};
 use super::read::{MAX_COUNTER_BYTES, name_in};
 use super::snapshot::Snapshot;
 use super::{COUNTER, NOTHING, begin, contradictions, matching, places, signed, times};
-use crate::store::{DIGESTS, PublicKey, StoreError, goes_on, reader};
+use crate::store::{DIGESTS, PublicKey, StoreError, Unread, goes_on, reader};
 
 /// What the chain is compared with.
 #[derive(Debug, Clone, Copy, Default)]
@@ -37,6 +37,8 @@ pub struct ChainCheck {
     pub first: u64,
     /// What was changed, a sentence each.
     pub problems: Vec<String>,
+    /// What could not be read: nothing is known of it.
+    pub unread: Vec<Unread>,
     /// Folders beside the runs that file servers and file managers make, a sentence each.
     pub litter: Vec<String>,
     /// What a sudden end or a disk error left, a sentence each; the next start mends it.
@@ -53,7 +55,7 @@ impl ChainCheck {
     /// Whether nothing was checked: there is no line, and nothing speaks of one.
     #[must_use]
     pub fn is_of_nothing(&self) -> bool {
-        self.first == 0 && self.problems.is_empty() && self.incomplete.is_empty()
+        self.first == 0 && self.problems.is_empty() && self.unread.is_empty() && self.incomplete.is_empty()
     }
 }
 
@@ -72,6 +74,8 @@ pub struct ChainBook {
     pub(super) counted: Option<Place>,
     /// What cannot be read, or stands in the wrong place.
     pub(super) broken: Vec<String>,
+    /// Chains and the counter, as far as they could not be read.
+    pub(super) unreadable: Vec<Unread>,
     /// What a sudden end left of chains and counter.
     torn: Vec<String>,
     /// Days whose chain cannot be read: what it says is not known.
@@ -95,22 +99,24 @@ pub fn verify(records: &Path) -> Result<ChainCheck, StoreError> {
 pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainCheck, ChainBook), StoreError> {
     // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
     let closed = closed(records)?;
-    let places::Strays { problems: strays, litter, notes } = places::strays(records);
+    let places::Strays { problems: strays, litter, notes, unread } = places::strays(records);
     let book = ChainBook::read(records)?;
     let mut checked = ChainCheck {
         runs: book.lines.iter().filter(|line| line.is_close()).count(),
         late: book.lines.iter().filter(|line| line.late.is_some()).count(),
         first: book.lines.first().map_or(0, |line| line.number),
         problems: strays,
+        unread,
         litter,
         incomplete: book.torn.clone(),
         notes,
         signed: 0,
     };
     checked.problems.extend(book.broken.iter().cloned());
+    checked.unread.extend(book.unreadable.iter().cloned());
     book.order(&mut checked.problems);
     book.beginning(against, &mut checked.problems);
-    matching::check(&book, &mut checked.problems);
+    matching::check(&book, &mut checked);
     book.without_line(&closed, !against.keys.is_empty(), &mut checked);
     book.counter(&mut checked);
     checked.problems.extend(book.unlike(against.heads));
@@ -134,7 +140,7 @@ impl ChainBook {
         for day in snapshot.days() {
             match snapshot.chain_of(day) {
                 Err(error) => {
-                    book.broken.push(gnc_text::with_causes(&error));
+                    book.leave_out(error);
                     book.unread.insert(day.to_owned());
                 }
                 Ok(None) => {}
@@ -195,15 +201,23 @@ impl ChainBook {
             Err(_) if is_blank(records) => book.torn.push(format!(
                 "{COUNTER} is empty: its station ended, or could not write; the next start makes it again from the chain"
             )),
-            Err(error) => book.broken.push(gnc_text::with_causes(&error)),
+            Err(error) => book.leave_out(error),
         }
         Ok(book)
+    }
+
+    /// Notes why a chain or the counter is not in this book.
+    fn leave_out(&mut self, error: StoreError) {
+        match Unread::of(error) {
+            Ok(unread) => self.unreadable.push(unread),
+            Err(error) => self.broken.push(gnc_text::with_causes(&error)),
+        }
     }
 
     /// Whether this folder has no chain at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.lines.is_empty() && self.counted.is_none() && self.broken.is_empty()
+        self.lines.is_empty() && self.counted.is_none() && self.broken.is_empty() && self.unreadable.is_empty()
     }
 
     /// What to say of a run with digests that began by the chain and was not closed by it: its station ended meanwhile. `None` for
@@ -226,7 +240,8 @@ impl ChainBook {
             });
         }
         let began = self.lines.get(*self.begins.get(&name)?)?;
-        matching::unlike_its_beginning(self, began)
+        // A journal that cannot be read was told with its run.
+        matching::unlike_its_beginning(self, began).ok().flatten()
     }
 
     /// What is wrong with a run whose folder is held as a station holds it: no line says that it began, and a station writes that line

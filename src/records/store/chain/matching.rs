@@ -6,16 +6,18 @@ use std::io;
 use std::path::Path;
 
 use super::begin;
-use super::check::ChainBook;
+use super::check::{ChainBook, ChainCheck};
 use super::entry::ChainEntry;
-use crate::store::{DIGESTS, StoreError, UNASSIGNED, digest, folded, goes_on, on, reader};
+use crate::store::unread::says_nothing;
+use crate::store::{DIGESTS, StoreError, UNASSIGNED, Unread, digest, folded, goes_on, on, reader};
 
-pub(super) fn check(book: &ChainBook, problems: &mut Vec<String>) {
-    check_lines(book, &book.lines.iter().collect::<Vec<_>>(), problems);
+pub(super) fn check(book: &ChainBook, checked: &mut ChainCheck) {
+    check_lines(book, &book.lines.iter().collect::<Vec<_>>(), checked);
 }
 
 /// Checks some of the lines; all lines of a run must be among them.
-pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mut Vec<String>) {
+pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], checked: &mut ChainCheck) {
+    let ChainCheck { problems, unread, .. } = checked;
     let (closes, begins): (Vec<&ChainEntry>, Vec<&ChainEntry>) = lines.iter().partition(|line| line.is_close());
     // Versions of the station that wrote no line when a run began wrote all lines before this one.
     let since = book.lines.iter().find(|line| !line.is_close()).map(|line| line.number);
@@ -43,7 +45,7 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
         problems.push(format!("line {} of the chain ({}): it was changed", line.number, line.run));
     }
     for line in closes {
-        let is_there = closed_folder(book, line, problems);
+        let is_there = closed_folder(book, line, problems, unread);
         match began.get(line.began_as()) {
             Some(begin) if begin.number > line.number => {
                 problems.push(format!(
@@ -58,7 +60,7 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
                     line.run.split('/').take(2).eq([day, UNASSIGNED])
                 });
                 match looked {
-                    Err(error) if is_moved => problems.push(unreadable(begin.number, &line.run, &error)),
+                    Err(one) if is_moved => unread.push(one),
                     Ok(true) if is_moved => {}
                     _ => problems.push(not_as_it_began(begin.number, &line.run)),
                 }
@@ -74,7 +76,7 @@ pub(super) fn check_lines(book: &ChainBook, lines: &[&ChainEntry], problems: &mu
     }
     let mut moved = Moved::default();
     for line in begins.into_iter().filter(|line| !closed.contains_key(line.run.as_str())) {
-        open_folder(book, line, &mut moved, problems);
+        open_folder(book, line, &mut moved, problems, unread);
     }
 }
 
@@ -83,7 +85,7 @@ fn not_as_it_began(number: u64, run: &str) -> String {
 }
 
 /// Compares the line of a closed run with its folder. `false`: the folder cannot be looked at.
-fn closed_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>) -> bool {
+fn closed_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>, unread: &mut Vec<Unread>) -> bool {
     let (number, run) = (line.number, &line.run);
     match digest_below(&book.records, &Path::new(run).join(DIGESTS)) {
         Ok(digest) if digest == line.digest => return true,
@@ -104,7 +106,10 @@ fn closed_folder(book: &ChainBook, line: &ChainEntry, problems: &mut Vec<String>
                 }),
             }
         }
-        Err(error) => problems.push(unreadable(number, run, &error)),
+        Err(error) => match Unread::of(error) {
+            Ok(one) => unread.push(one),
+            Err(error) => problems.push(unreadable(number, run, &error)),
+        },
     }
     false
 }
@@ -120,35 +125,36 @@ fn digest_below(records: &Path, file: &Path) -> Result<String, StoreError> {
 
 /// Whether the journal of a run begins as the line says; an error if it is there, and cannot be read. What is no file, or not there,
 /// does not begin so.
-fn is_same(book: &ChainBook, begin: &ChainEntry, run: &str) -> Result<bool, StoreError> {
+fn is_same(book: &ChainBook, begin: &ChainEntry, run: &str) -> Result<bool, Unread> {
     match begin::of_first_line(&book.records, &book.records.join(run)) {
         Ok(digest) => Ok(digest == begin.digest),
-        Err(StoreError::File { source, what, path }) if source.kind() == io::ErrorKind::PermissionDenied => {
-            Err(StoreError::File { what, path, source })
-        }
-        Err(_) => Ok(false),
+        Err(error) => Unread::of(error).map_or(Ok(false), Err),
     }
 }
 
 /// What to say of a folder whose journal does not begin as the line says.
-pub(super) fn unlike_its_beginning(book: &ChainBook, line: &ChainEntry) -> Option<String> {
-    match is_same(book, line, &line.run) {
-        Ok(true) => None,
-        Ok(false) => Some(not_as_it_began(line.number, &line.run)),
-        Err(error) => Some(unreadable(line.number, &line.run, &error)),
-    }
+pub(super) fn unlike_its_beginning(book: &ChainBook, line: &ChainEntry) -> Result<Option<String>, Unread> {
+    let is_same = is_same(book, line, &line.run)?;
+    Ok((!is_same).then(|| not_as_it_began(line.number, &line.run)))
 }
 
 /// Compares the line of a run that is not closed with its folder. The run goes on, or its station ended.
-fn open_folder(book: &ChainBook, line: &ChainEntry, moved: &mut Moved, problems: &mut Vec<String>) {
+fn open_folder(
+    book: &ChainBook,
+    line: &ChainEntry,
+    moved: &mut Moved,
+    problems: &mut Vec<String>,
+    unread: &mut Vec<Unread>,
+) {
     let (number, run) = (line.number, &line.run);
     let folder = book.records.join(run);
     match folder.symlink_metadata() {
         Ok(_) => match unlike_its_beginning(book, line) {
-            None => {}
+            Ok(None) => {}
             // It is closed or moved at this moment.
-            Some(_) if goes_on(&folder) => {}
-            Some(what) => problems.push(what),
+            Ok(Some(_)) | Err(_) if goes_on(&folder) => {}
+            Ok(Some(what)) => problems.push(what),
+            Err(one) => unread.push(one),
         },
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             // Its module was not the one that was scanned, so that its station moves it.
@@ -156,6 +162,7 @@ fn open_folder(book: &ChainBook, line: &ChainEntry, moved: &mut Moved, problems:
                 problems.push(format!("line {number} of the chain ({run}): the run began, and its folder is gone"));
             }
         }
+        Err(error) if says_nothing(&error) => unread.push(Unread::new(&folder, error)),
         Err(error) => {
             problems.push(format!("line {number} of the chain ({run}): the folder of the run cannot be read: {error}"));
         }

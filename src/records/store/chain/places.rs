@@ -9,7 +9,8 @@ use super::CHAIN;
 use super::copies::{self, Copies};
 use super::read::name_in;
 use crate::store::litter::{is_litter, is_litter_folder};
-use crate::store::reader;
+use crate::store::unread::says_nothing;
+use crate::store::{Unread, reader};
 
 /// What stands there.
 #[derive(Default)]
@@ -18,15 +19,17 @@ pub(super) struct Strays {
     pub(super) problems: Vec<String>,
     /// Folders in days and modules that file servers and file managers make, a sentence each.
     pub(super) litter: Vec<String>,
+    /// Folders that could not be read.
+    pub(super) unread: Vec<Unread>,
     /// What could not be looked at to its end, a sentence each.
     pub(super) notes: Vec<String>,
 }
 
 /// Looks through days, modules and the names of runs.
 pub(super) fn strays(records: &Path) -> Strays {
-    let Strays { mut problems, mut litter, mut notes } = Strays::default();
+    let Strays { mut problems, mut litter, mut notes, mut unread } = Strays::default();
     // Disks have their own folders at the top.
-    for day in entries(records, records, &mut problems, &mut Vec::new()) {
+    for day in entries(records, records, &mut unread, &mut problems, &mut Vec::new()) {
         let name = |path: &Path| name_in(records, path);
         if !reader::is_day(&day) {
             match (copies::below(&day), is_link(&day)) {
@@ -57,15 +60,16 @@ pub(super) fn strays(records: &Path) -> Strays {
             problems.push(link(&name(&day)));
             continue;
         }
-        let serials = if day.is_dir() { entries(records, &day, &mut problems, &mut litter) } else { Vec::new() };
+        let serials =
+            if day.is_dir() { entries(records, &day, &mut unread, &mut problems, &mut litter) } else { Vec::new() };
         let runs: Vec<PathBuf> = serials
             .iter()
             .filter(|serial| serial.is_dir())
-            .flat_map(|serial| entries(records, serial, &mut problems, &mut litter))
+            .flat_map(|serial| entries(records, serial, &mut unread, &mut problems, &mut litter))
             .collect();
         among_runs(records, &serials.iter().chain(&runs).collect::<Vec<_>>(), &mut problems);
     }
-    Strays { problems, litter, notes }
+    Strays { problems, litter, notes, unread }
 }
 
 /// The same among the runs of one module, by the names that its folder may have.
@@ -74,7 +78,7 @@ pub(super) fn strays_of(records: &Path, folders: &[String]) -> Strays {
     for day in reader::day_names(records).unwrap_or_default() {
         for module in folders.iter().map(|folder| records.join(&day).join(folder)) {
             let runs = if module.is_dir() && !is_link(&module) {
-                entries(records, &module, &mut found.problems, &mut found.litter)
+                entries(records, &module, &mut found.unread, &mut found.problems, &mut found.litter)
             } else {
                 Vec::new()
             };
@@ -107,12 +111,22 @@ fn link(name: &str) -> String {
 }
 
 /// What a folder holds, by its names, without the folders of file servers, file managers and systems.
-fn entries(records: &Path, folder: &Path, problems: &mut Vec<String>, litter: &mut Vec<String>) -> Vec<PathBuf> {
+fn entries(
+    records: &Path,
+    folder: &Path,
+    unread: &mut Vec<Unread>,
+    problems: &mut Vec<String>,
+    litter: &mut Vec<String>,
+) -> Vec<PathBuf> {
     let read = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
     let mut found: Vec<PathBuf> = match read {
         Ok(found) => found,
         // It was taken away meanwhile: an empty folder of a run that could not begin.
         Err(error) if io::Error::kind(&error) == io::ErrorKind::NotFound => Vec::new(),
+        Err(error) if says_nothing(&error) => {
+            unread.push(Unread::new(folder, error));
+            Vec::new()
+        }
         Err(error) => {
             problems.push(format!("{} cannot be read: {error}", name_in(records, folder)));
             Vec::new()

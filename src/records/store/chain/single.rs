@@ -14,23 +14,26 @@ impl ChainBook {
     /// What is wrong with the lines of one closed run: their links, their neighbours, their signatures, and what they say of the
     /// folder; and whether the chain leads from its lines to what was kept elsewhere. Of a folder without a chain nothing is said.
     #[must_use]
-    pub fn of_run(&self, run: &Path, against: &Against<'_>) -> Vec<String> {
-        let mut problems = Vec::new();
+    pub fn of_run(&self, run: &Path, against: &Against<'_>) -> ChainCheck {
+        let mut checked = ChainCheck::default();
         if self.is_empty() {
-            return problems;
+            return checked;
         }
+        checked.unread.extend(self.unreadable.iter().cloned());
+        let problems = &mut checked.problems;
         problems.extend(self.broken.iter().cloned());
         let name = name_in(&self.records, run);
         let Some(close) = self.close_of(&name) else {
             problems.push(format!(
                 "{name} is not in the chain: its station ended, or could not write, before that and closes it late at its next start, or it was slipped in"
             ));
-            return problems;
+            return checked;
         };
         let began = close.began_as().to_owned();
         let own: Vec<&ChainEntry> =
             self.lines.iter().filter(|line| line.run == name || !line.is_close() && line.run == began).collect();
-        matching::check_lines(self, &own, &mut problems);
+        matching::check_lines(self, &own, &mut checked);
+        let problems = &mut checked.problems;
         let by_number: HashMap<u64, &ChainEntry> = self.lines.iter().map(|line| (line.number, line)).collect();
         let first = self.lines.first().map_or(0, |line| line.number);
         for line in &own {
@@ -53,11 +56,11 @@ impl ChainBook {
         if let Some(line) = own.first() {
             problems.extend(against.heads.iter().filter_map(|head| self.gap(line, head, &by_number)));
         }
-        contradictions::check(self, &own, &mut problems);
+        contradictions::check(self, &own, problems);
         if !against.keys.is_empty() {
-            signed::check_lines(self, &own, against.keys, &mut problems);
+            signed::check_lines(self, &own, against.keys, problems);
         }
-        problems
+        checked
     }
 
     /// What the chain says of one module, or of one run by its name, beside the folders that are there: runs that it names and whose folders
@@ -74,16 +77,17 @@ impl ChainBook {
         };
         let named: Vec<&ChainEntry> =
             self.lines.iter().filter(|line| is_named(&line.run) || is_named(line.began_as())).collect();
-        let places::Strays { problems: strays, litter, notes } = places::strays_of(&self.records, &folders);
-        if named.is_empty() && strays.is_empty() && litter.is_empty() {
+        let places::Strays { problems: strays, litter, notes, mut unread } = places::strays_of(&self.records, &folders);
+        if named.is_empty() && strays.is_empty() && litter.is_empty() && unread.is_empty() {
             return None;
         }
         let problems = [strays, self.broken.clone()].concat();
-        let mut checked = ChainCheck { problems, litter, notes, ..ChainCheck::default() };
+        unread.extend(self.unreadable.iter().cloned());
+        let mut checked = ChainCheck { problems, unread, litter, notes, ..ChainCheck::default() };
         let gone: HashSet<&str> = named.iter().map(|line| line.run.as_str()).filter(|run| is_gone(run)).collect();
         let of_gone = |line: &ChainEntry| gone.contains(line.run.as_str()) || gone.contains(line.began_as());
         let lines: Vec<&ChainEntry> = self.lines.iter().filter(|line| of_gone(line)).collect();
-        matching::check_lines(self, &lines, &mut checked.problems);
+        matching::check_lines(self, &lines, &mut checked);
         self.order(&mut checked.problems);
         self.counter(&mut checked);
         Some(checked)

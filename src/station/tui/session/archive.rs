@@ -121,8 +121,9 @@ fn unopened(error: &ReadError) -> Unopened {
 }
 
 pub(super) fn verify(path: PathBuf) -> Msg {
-    let Verified { mut problems, newer, running, never_begun, incomplete, unnamed, only_litter: _ } =
+    let Verified { mut problems, unread, newer, running, never_begun, incomplete, unnamed, only_litter: _ } =
         as_written::check(&path);
+    problems.extend(unread.into_iter().map(|unread| unread.why));
     problems.extend(incomplete);
     problems.extend(unnamed);
     problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));

@@ -162,7 +162,7 @@ impl Shelf {
     /// What is found of the lines of one run, with the key and what was kept elsewhere.
     pub(super) fn of_lines(&self, run: &Path, heads: &[Head]) -> Vec<String> {
         let against = Against { keys: std::slice::from_ref(&self.public), heads };
-        ChainBook::read(self.path()).unwrap().of_run(run, &against)
+        ChainBook::read(self.path()).unwrap().of_run(run, &against).problems
     }
 
     pub(super) fn notes(&self) -> Vec<String> {
