@@ -230,6 +230,37 @@ fn what_may_not_be_read_hides_no_change() {
     }
 }
 
+/// The system gives fewer and fewer descriptors: good records are never called changed.
+#[test]
+fn without_descriptors_nothing_is_called_changed() {
+    let kept = Kept::new();
+    let (_place, records) = copied(&kept);
+    let mut unread = 0;
+    for descriptors in 3..16 {
+        let mut command = Command::new("sh");
+        command.args([
+            "-c",
+            "ulimit -n $0; exec \"$@\"",
+            &descriptors.to_string(),
+            STATION,
+            "records",
+            "verify",
+            "--records",
+        ]);
+        command.arg(&records).arg("--key").arg(&kept.public_key).stdin(Stdio::null()).env("LC_ALL", "C.UTF-8");
+        let output = command.output().expect("the station");
+        let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+        // With too few of them the program itself does not start.
+        if said.contains("gnc-station: some of these records cannot be read") {
+            unread += 1;
+            assert!(output.status.code() == Some(2) && said.contains("`ulimit -n`"), "{descriptors}: {said}");
+        }
+        assert_ne!(output.status.code(), Some(1), "{descriptors}: {said}");
+        assert!(!said.contains("prove nothing"), "{descriptors}: {said}");
+    }
+    assert!(unread > 0, "the bound was never met within the records");
+}
+
 /// A list says of an edited record that it was changed, though it takes verdicts from the journal.
 #[test]
 fn a_list_names_a_record_that_was_edited() {
