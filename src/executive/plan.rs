@@ -107,6 +107,9 @@ pub(crate) const MAX_INCLUDE_DEPTH: usize = 8;
 /// Largest number of items of a plan. Time and memory are measured with this number, and real plans have far fewer.
 pub(crate) const MAX_ITEMS: usize = 20_000;
 
+/// Most results that a plan may ask for, repeats counted: a journal holds 1 GiB, and the line of a result takes some 250 bytes.
+pub(crate) const MAX_RESULTS: usize = 4_000_000;
+
 /// Days for which a pass counts if the plan does not say: a module stays on the shelf of a line for weeks, not months.
 pub const DEFAULT_VALID_DAYS: u32 = 30;
 

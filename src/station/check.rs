@@ -114,6 +114,7 @@ fn about(
         true => (None, format!("  pinned by the bench file: {line}")),
         false => (None, format!("  to pin it under [plans] of a bench file: {line}")),
     });
+    said.extend(repeated(plan));
     said.extend(bench_time(plan));
     said.extend(limits.map(|limits| (None, limits)));
     Ok(said)
@@ -148,6 +149,18 @@ fn with_band(limit: &Limit) -> String {
         Some(band) => format!("{limit}, marginal within {band} of a bound"),
         None => limit.to_string(),
     }
+}
+
+/// How often each item that repeats measures, and the longest time that it may take: its time limit is for all repeats.
+fn repeated(plan: &Plan) -> impl Iterator<Item = Said> {
+    plan.items().iter().filter(|item| item.repeats > 1).map(|item| {
+        let (repeats, limit) = (item.repeats, motion::DisplayDuration(item.timeout_s));
+        let times = match item.params.integer("cycles") {
+            Ok(cycles) => format!("{repeats} repeats of {cycles} cycles and at most {limit} for all of them"),
+            Err(_) => format!("{repeats} repeats and at most {limit} for all of them"),
+        };
+        (Some(format!("  {}", item.name)), times)
+    })
 }
 
 /// Describes the bench time of each item that captures, and the sum. Empty if no item captures.

@@ -191,7 +191,7 @@ fn first_model(
     let (lang, look) = look::choose(&crate::locale::Environment::read(), args.lang);
     let mut model = ScreenModel::new(lang, look, clock.now());
     model.pictures.terminal = graphics::of_terminal(|name| std::env::var(name).ok());
-    model.numbers = numbers::Numbers::new(args.numbers.clone());
+    model.numbers = numbers::Numbers::new(args.numbers.clone(), serial_number.is_none() && resume.is_none());
     model.part = [&args.part, &args.revision].map(|text| text.clone().unwrap_or_default());
     model.operator = args.operator.clone().unwrap_or_default();
     model.plan_path = plan.map(|plan| plan.display().to_string()).unwrap_or_default();

@@ -11,7 +11,7 @@ use super::part::{self, Known, RawTable};
 use super::question::Asked;
 use super::resume::{self, ResumeRules};
 use super::{
-    DEFAULT_VALID_DAYS, MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, MAX_REQUIRED_PLANS,
+    DEFAULT_VALID_DAYS, MAX_INCLUDE_DEPTH, MAX_ITEMS, MAX_PLAN_BYTES, MAX_PLAN_FILES, MAX_REQUIRED_PLANS, MAX_RESULTS,
     MAX_VALID_DAYS, OnFail, Plan, PlanItem,
 };
 use crate::catalogue::{ItemId, ParamKind};
@@ -93,6 +93,18 @@ pub(super) fn read(
         mistakes.add(|| Mistake::nowhere("the plan has no items", "begin each item with a line [[item]]"));
     }
     let items = link(items, &sources, unreadable, &mut mistakes);
+    // A good run has a result for each limit in each repeat.
+    let results = items
+        .iter()
+        .fold(0_usize, |results, item| results.saturating_add(item.limits.len().saturating_mul(item.repeats as usize)));
+    if results > MAX_RESULTS {
+        let what = format!(
+            "the plan asks for {results} results with all repeats and at most {MAX_RESULTS} have room in a record"
+        );
+        mistakes.add(|| {
+            Mistake::nowhere(what, "lower repeats and run the plan in rounds: each round has a record of its own")
+        });
+    }
     let Head {
         name,
         version,

@@ -93,6 +93,24 @@ fn a_plan_of_twenty_thousand_items_is_read() {
     );
 }
 
+/// Four thousand items of a thousand repeats are what a record holds; one result more is refused.
+#[test]
+fn results_that_no_record_holds_are_refused() {
+    let mut text = "name = \"long\"\nversion = \"1\"\n".to_owned();
+    for index in 0..4000 {
+        text.push_str(&format!(
+            "[[item]]\nid = \"identity\"\nname = \"i{index}\"\nrepeats = 1000\n[item.limits]\nprotocol = \"== 1\"\n"
+        ));
+    }
+    assert_eq!(plan(&text).items().len(), 4000);
+    text.push_str(IDENTITY);
+    assert_eq!(
+        mistakes(&text),
+        "the plan asks for 4000001 results with all repeats and at most 4000000 have room in a record\n  \
+         try: lower repeats and run the plan in rounds: each round has a record of its own"
+    );
+}
+
 /// Items that are too many are counted alone: each of these has mistakes of its own, and to look at all of them takes long.
 #[test]
 fn items_that_are_too_many_are_not_looked_at() {

@@ -203,3 +203,22 @@ fn names_of_files_and_items_stay() {
         }
     }
 }
+
+/// The repeats of an item and the cycles within each are told before the run, with the longest time of all of them.
+#[test]
+fn repeats_are_told_with_their_time() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plan = folder.path().join("plan.toml");
+    let item = |id: &str, more: &str| format!("[[item]]\nid = \"{id}\"\nrepeats = 1000\ntimeout = \"2 h\"\n{more}");
+    let cycles = "params = { cycles = 100 }\n[item.limits]\ncycles_done = \">= 1\"\n";
+    let text = format!(
+        "name = \"p\"\nversion = \"1\"\n{}{}",
+        item("identity", "[item.limits]\nprotocol = \"== 1\"\n"),
+        item("power-cycle", cycles)
+    );
+    fs::write(&plan, text).expect("a file");
+    let said = speaks_all(&plan, None, None);
+    let time = motion::DisplayDuration(7200.0);
+    assert!(said.contains(&format!("1000 repeats and at most {time} for all of them")), "{said}");
+    assert!(said.contains(&format!("1000 repeats of 100 cycles and at most {time} for all of them")), "{said}");
+}

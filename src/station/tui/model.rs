@@ -353,8 +353,11 @@ impl ScreenModel {
         if self.message_left() == Some(Duration::ZERO) {
             self.message = None;
         }
-        // Also while the items at work end: those that wait are not begun, and need their time afterwards.
-        if let Some(run) = self.run.as_mut().filter(|run| run.pause == Pause::Asked && !run.over) {
+        // Also while the items at work end: those that wait are not begun, and need their time afterwards. A capture that ends
+        // meanwhile is no pause: its time is a share of the whole.
+        let captures =
+            |run: &RunView| run.state.in_flight() > 0 && run.progress.iter().any(|each| each.guidance.is_some());
+        if let Some(run) = self.run.as_mut().filter(|run| run.pause == Pause::Asked && !run.over && !captures(run)) {
             run.paused += step;
         }
     }

@@ -50,6 +50,12 @@ impl Given {
         self.kind.is_some_and(|kind| kind != NumberKind::Order)
     }
 
+    /// As [`Self::is_of_a_module`], also for a number of the command line, of which only the fields tell what it belongs to.
+    fn is_of_a_module_by(&self, fields: &[NumberField]) -> bool {
+        let asked = || fields.iter().any(|field| field.key == self.key && field.kind != NumberKind::Order);
+        self.is_of_a_module() || self.kind.is_none() && asked()
+    }
+
     /// Whether it is what this field asks for.
     fn counts(&self, field: &NumberField) -> bool {
         self.key == field.key && (!self.earlier || self.is_order(field))
@@ -57,16 +63,10 @@ impl Given {
 }
 
 impl Numbers {
-    /// The numbers of the command line, by their keys.
-    pub(crate) fn new(given: Vec<(String, String)>) -> Self {
-        let each = given.into_iter().map(|(key, value)| Given {
-            key,
-            value,
-            kind: None,
-            earlier: false,
-            coming: false,
-            used: false,
-        });
+    /// The numbers of the command line, by their keys. `coming`: it names no module, so they are of the first one that comes.
+    pub(crate) fn new(given: Vec<(String, String)>, coming: bool) -> Self {
+        let each =
+            given.into_iter().map(|(key, value)| Given { key, value, kind: None, earlier: false, coming, used: false });
         Self { given: each.collect(), next: Vec::new() }
     }
 
@@ -113,12 +113,12 @@ impl Numbers {
     /// The next module comes, which may be the same one again. What was given for it is its own now. Of another module only
     /// an order stays; which numbers are of orders is asked when they are used, since no plan may be at hand now. Returns what no
     /// run had and no run will have.
-    pub(crate) fn module_comes(&mut self, is_another: bool) -> Vec<String> {
+    pub(crate) fn module_comes(&mut self, is_another: bool, fields: &[NumberField]) -> Vec<String> {
         let mut dropped = Vec::new();
         for given in &mut self.given {
             let goes = is_another && !std::mem::take(&mut given.coming) && !given.earlier;
             given.earlier |= goes;
-            if goes && !given.used && given.is_of_a_module() {
+            if goes && !given.used && given.is_of_a_module_by(fields) {
                 dropped.push(given.value.clone());
             }
         }

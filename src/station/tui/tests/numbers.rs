@@ -182,7 +182,7 @@ fn an_order_stays_whatever_plan_is_shown() {
     }
     // The same holds of an order of the command line, which came before any plan.
     let mut scene = scene(Lang::En);
-    scene.model.numbers = crate::tui::numbers::Numbers::new(pairs(&[("order", "PO-1234"), ("gps", "GB-7")]));
+    scene.model.numbers = crate::tui::numbers::Numbers::new(pairs(&[("order", "PO-1234"), ("gps", "GB-7")]), false);
     let plan = std::mem::replace(&mut scene.model.plan, Loaded::Loading);
     scan(&mut scene, "SN-2");
     scene.model.plan = plan;
@@ -415,4 +415,24 @@ fn the_numbers_of_a_module_are_in_its_panel() {
     let text = scene.text();
     assert!(text.contains("The order") && text.contains("PO-1234"), "{text}");
     assert!(text.contains("The gps") && text.contains("GB-7"), "{text}");
+}
+
+/// A number of the command line is of the module that the command line names; if it names none, of the first one that comes.
+#[test]
+fn a_number_of_the_command_line_is_not_lost_without_a_word() {
+    for lang in Lang::ALL {
+        let whole = pairs(&[("order", "PO-1234"), ("gps", "GB-7")]);
+        let mut scene = scene(lang);
+        scene.model.numbers = crate::tui::numbers::Numbers::new(whole.clone(), true);
+        scan(&mut scene, "SN-1");
+        assert_eq!(given(&scene), whole, "{lang:?}");
+        let mut scene = self::scene(lang);
+        scene.model.scan.current = Some("SN-1".into());
+        scene.model.numbers = crate::tui::numbers::Numbers::new(whole, false);
+        scan(&mut scene, "SN-2");
+        assert_eq!(given(&scene), pairs(&[("order", "PO-1234")]), "{lang:?}");
+        let told = lang.texts().not_used.split("{}").next().unwrap_or_default().to_owned();
+        let text = scene.text();
+        assert!(text.contains("GB-7") && text.contains(told.trim()), "{lang:?}: {text}");
+    }
 }

@@ -106,6 +106,26 @@ fn the_remaining_time_stands_while_items_end_before_a_pause() {
     assert!(text.contains("PAUSED") && text.contains("3.40 s"), "{text}");
 }
 
+/// A capture takes its time of the rest while it ends before a pause, and the pause behind it takes none.
+#[test]
+fn a_capture_before_a_pause_takes_its_time() {
+    let mut scene = Scene::capturing(Lang::En, (80, 24), "six-position", 2).expect("memory");
+    let now = scene.model.now.since_start;
+    let run = scene.model.run.as_mut().expect("a run");
+    let of_record_s = run.state.last().map_or(0.0, |stamp| stamp.elapsed_us as f64 / 1e6);
+    run.expected_s = Some(5000.0 + now.saturating_sub(run.began).as_secs_f64().max(of_record_s));
+    let shown = |left_s: f64| format!("Remaining {}", gnc_executive::text::duration(left_s));
+    assert!(scene.text().contains(&shown(5000.0)), "{}", scene.text());
+    scene.key(Key::F(6));
+    scene.pass_time(Duration::from_secs(600));
+    assert!(scene.text().contains(&shown(4400.0)), "{}", scene.text());
+    scene.ends("six-position", Outcome::Passed);
+    scene.progress(&[]);
+    scene.pass_time(Duration::from_secs(300));
+    let text = scene.text();
+    assert!(text.contains("PAUSED") && text.contains(&shown(4400.0)), "{text}");
+}
+
 /// The tests page tells the time that the captures of the plan take, as the page of the captures does.
 #[test]
 fn both_pages_tell_the_same_time_of_the_captures() {

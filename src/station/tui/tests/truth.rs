@@ -647,3 +647,18 @@ fn nothing_runs_again_when_the_run_is_over() {
         assert!(!shows(&mut scene, "runs the item again"), "{}", scene.text());
     }
 }
+
+/// What to do with a refused file stands in full beside a scanned number, which the panel of the module shows.
+#[test]
+fn what_to_do_with_a_refused_file_is_whole_after_a_scan() {
+    for lang in Lang::ALL {
+        let mut scene = scene(lang);
+        let (path, why) = ("test-plans/mine.toml".to_owned(), "the plan has no items".to_owned());
+        scene.tell(Msg::Plan { path, plan: crate::tui::model::Loaded::Refused(why.into()) });
+        scene.types("SN-2026-0001-AB");
+        scene.key(Key::Enter);
+        let text = scene.text();
+        let of_panel: String = text.lines().take(7).collect();
+        assert!(of_panel.contains(lang.texts().refused_next), "{lang:?}: {text}");
+    }
+}

@@ -238,7 +238,8 @@ fn take_module(model: &mut ScreenModel, number: String) -> (Option<Effect>, Vec<
         model.scan.next = Some(number);
         return (None, dropped);
     }
-    dropped.extend(model.numbers.module_comes(model.scan.current.as_ref() != Some(&number)));
+    let (is_another, fields) = (model.scan.current.as_ref() != Some(&number), model.asked_numbers());
+    dropped.extend(model.numbers.module_comes(is_another, &fields));
     model.scan.current = Some(number);
     model.scan.next = None;
     numbers::show(model);

@@ -298,6 +298,10 @@ fn what_next(model: &ScreenModel, cells: usize) -> String {
     // A long number is cut, and what to do stays.
     let told = model.what_f5_does();
     let room = cells.saturating_sub(text::width(&fill(told, &[""])));
+    // The panel of the module has the number, and what to do with the file stands in full.
+    if model.is_refused() && text::width(&text::shown(number)) > room {
+        return text::cut(texts.refused_next, cells);
+    }
     text::cut(&fill(told, &[&text::cut(&text::shown(number), room)]), cells)
 }
 
