@@ -464,7 +464,7 @@ fn a_control_character_makes_a_line_one_of_no_chain() {
         assert!(before.contains(name), "{name}");
         fs::write(&path, before.replacen(name, forged, 1)).unwrap();
         let found = shelf.found(true, &[]);
-        assert!(found.iter().any(|found| found.contains("1 lines do not belong to a chain")), "{found:?}");
+        assert!(found.iter().any(|found| found.contains("1 line does not belong to a chain")), "{found:?}");
         assert!(!found.iter().any(|found| found.contains(char::is_control)), "{found:?}");
     }
 }
