@@ -67,6 +67,31 @@ pub(super) fn close(
     done.collect()
 }
 
+/// Takes the runs with digests out of those that ended, where there is no chain and no counter, and says that they stay as they
+/// are. A station writes the first line and the counter before it tests anything, so no sudden end leaves this: a version before
+/// the chain closed these runs, or the chain was taken away.
+pub(super) fn without_chain<T: std::fmt::Display>(
+    ended: &mut Vec<PathBuf>,
+    before: &Before,
+    name: impl Fn(&Path) -> T,
+) -> Option<String> {
+    if !before.is_new() {
+        return None;
+    }
+    let closed: Vec<PathBuf> = ended.extract_if(.., |run| reader::is_sealed(run)).collect();
+    match closed.as_slice() {
+        [] => None,
+        [run] => Some(format!(
+            "{} is closed and its folder of records has no chain; it is left as it is and counts for nothing: a version before the chain wrote it unless the chain was lost; if there is a backup of the chain restore it",
+            name(run)
+        )),
+        runs => Some(format!(
+            "{} runs are closed and their folder of records has no chain; they are left as they are and count for nothing: a version before the chain wrote them unless the chain was lost; if there is a backup of the chain restore it",
+            runs.len()
+        )),
+    }
+}
+
 /// Closes a run. `None`: the run goes on, or another start has just closed it.
 fn close_one(records: &Path, run: &Path, before: &Before, sealer: &Sealer<'_>) -> Result<Option<Closed>, StoreError> {
     let _held = match held(run)? {

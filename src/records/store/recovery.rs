@@ -186,6 +186,7 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
         }
     }
     let others = sealed_before + ended.iter().filter(|run| !reader::is_sealed(run)).count();
+    lines.extend(late::without_chain(&mut ended, &before, name));
     for (run, closed) in late::close(records, ended, &before, others, sealer, &mut until) {
         match closed {
             Ok(Closed::Late(late)) => {

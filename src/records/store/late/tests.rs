@@ -265,7 +265,7 @@ fn a_run_that_no_power_cut_of_this_station_left_is_not_closed_late() {
         fs::remove_file(shelf.path().join(DAY).join(CHAIN)).unwrap();
         shelf.path().join(DAY).join("SN-0/100000-functional")
     });
-    not("a chain that was lost as a whole", &|shelf| {
+    not_said("a chain that was lost as a whole", Some("2 runs are closed and"), &|shelf| {
         fs::remove_file(shelf.path().join(DAY).join(CHAIN)).unwrap();
         fs::remove_file(shelf.path().join(COUNTER)).unwrap();
         shelf.path().join(DAY).join("SN-0/100000-functional")
@@ -290,6 +290,31 @@ fn a_run_that_no_power_cut_of_this_station_left_is_not_closed_late() {
         fs::rename(run, &to).unwrap();
         to
     });
+}
+
+/// No sudden end leaves digests without any chain and counter: the first line comes before the first test. So a version before
+/// the chain closed the run, whose papers stay as they are.
+#[test]
+fn closed_runs_without_any_chain_stay_as_they_are() {
+    for (count, words) in [(1, "SN-1/143000-functional is closed and"), (2, "2 runs are closed and")] {
+        let shelf = Shelf::new();
+        let runs: Vec<_> = (0..count).map(|run| shelf.closed("SN-1", &format!("14:30:0{run}"))).collect();
+        fs::remove_file(shelf.path().join(DAY).join(CHAIN)).unwrap();
+        fs::remove_file(shelf.path().join(COUNTER)).unwrap();
+        let files: Vec<_> = runs.iter().map(|run| fs::read(run.join(DIGESTS)).unwrap()).collect();
+        let said = shelf.start();
+        assert!(said.len() == 1 && said[0].contains(words) && said[0].contains("left as"), "{said:?}");
+        assert!(!shelf.path().join(COUNTER).exists());
+        for (run, before) in runs.iter().zip(files) {
+            assert_eq!(fs::read(run.join(DIGESTS)).unwrap(), before);
+            assert_eq!(as_written::verify(run), Vec::<String>::new());
+            assert_eq!(shelf.seal(run), Seal::Flawed(Flaw::NotInChain));
+        }
+        // Behind the first line of this version there is nothing to say any more.
+        shelf.closed("SN-2", "15:00:00");
+        assert_eq!(shelf.start(), Vec::<String>::new());
+        assert_eq!(shelf.late(), (0, Vec::new()));
+    }
 }
 
 /// The run that goes on has an end already, and its station is closing it.
