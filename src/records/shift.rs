@@ -66,7 +66,7 @@ impl WholeRun {
     /// The run, if it is one of this station and of a whole plan. A run whose record was not closed, or was closed late, is
     /// errored, whatever it says; so is one whose record was changed, one that the chain does not name, and one of which the chain cannot be
     /// read.
-    fn of(found: &FoundRun, of: &ShiftOf, face: Result<Face, StoreError>) -> Option<Self> {
+    fn of(found: &FoundRun, of: &ShiftOf, face: &Result<Face, StoreError>) -> Option<Self> {
         let run = found.run.as_ref().ok()?;
         let outcome = run.verdict.of_module()?;
         let counts = run.station == of.station && run.bench.kind == of.kind && run.recomputed.is_none();
@@ -198,7 +198,7 @@ impl ShiftBook {
                 let face = seals.face(&found);
                 // Its station closes it at this moment, so the next look tells.
                 if !matches!(face, Ok(Face::Running)) {
-                    self.read.insert(path.clone(), WholeRun::of(&found, &self.of, face));
+                    self.read.insert(path.clone(), WholeRun::of(&found, &self.of, &face));
                 }
             }
         }
@@ -220,7 +220,7 @@ fn was_judged(of: &ShiftOf, serial_number: &str, plan: &str, before: DateTime<Fi
     let runs = earlier.filter_map(|path: PathBuf| {
         let found = reader::found(path);
         let face = seals.face(&found);
-        WholeRun::of(&found, of, face)
+        WholeRun::of(&found, of, &face)
     });
     runs.into_iter()
         .any(|run| run.serial_number == serial_number && run.plan == plan && run.started < before && run.is_judged())

@@ -96,7 +96,7 @@ fn an_unproven_run_is_of_no_shift() {
         let of = ShiftOf { records: PathBuf::new(), station: "s".into(), kind: of };
         let found = found(run);
         let face = Seals::new(Path::new("")).face(&found);
-        WholeRun::of(&found, &of, face).is_some()
+        WholeRun::of(&found, &of, &face).is_some()
     };
     use BenchKind::{Real, Simulated, Unproven};
     assert!(counts("real", Real) && counts("simulated", Simulated));
