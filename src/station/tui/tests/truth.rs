@@ -654,7 +654,7 @@ fn what_to_do_with_a_refused_file_is_whole_after_a_scan() {
     for lang in Lang::ALL {
         let mut scene = scene(lang);
         let (path, why) = ("test-plans/mine.toml".to_owned(), "the plan has no items".to_owned());
-        scene.tell(Msg::Plan { path, plan: crate::tui::model::Loaded::Refused(why.into()) });
+        scene.tell(Msg::Plan { path, plan: crate::tui::model::Loaded::Refused(why) });
         scene.types("SN-2026-0001-AB");
         scene.key(Key::Enter);
         let text = scene.text();
