@@ -434,7 +434,7 @@ fn began(journal: &[u8]) -> Option<DateTime<FixedOffset>> {
 
 /// The folder of a run that another run of the same module had taken up.
 fn folder_of(run: &Path, earlier: &EarlierRun) -> Option<PathBuf> {
-    let run = std::path::absolute(run).ok()?;
+    let run = crate::store::located::located(run).ok()?;
     let records = run.ancestors().nth(3)?;
     // Earlier versions named the folder of a module otherwise.
     let mut modules = vec![run.parent()?.file_name()?.to_owned()];

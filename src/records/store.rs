@@ -21,6 +21,7 @@ pub mod inside;
 pub(crate) mod key;
 mod late;
 mod litter;
+pub mod located;
 mod lock;
 pub(crate) mod name;
 mod names;

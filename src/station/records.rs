@@ -12,6 +12,7 @@ use gnc_executive::standing::Seal;
 use gnc_executive::text;
 use gnc_records::standing::{Face, Seals};
 use gnc_records::store::chain::LateCloses;
+use gnc_records::store::located::located;
 use gnc_records::store::reader::{self, FoundRun, Wanted};
 use gnc_records::store::{StationKey, StoreError, chain, goes_on};
 use gnc_text::{exact, printable};
@@ -130,9 +131,9 @@ pub(crate) fn listed(records: &Path, run: &Path) -> &'static str {
     list::word_of(&found, &mut Seals::new(records))
 }
 
-/// What a run is called; `None` if its chain cannot be read.
-fn face(folder: &Path, run: &RunRecord) -> Option<Face> {
-    let path = std::path::absolute(folder).ok()?;
+/// What a run is called, however its folder is named; `None` if its chain cannot be read.
+pub(crate) fn face(folder: &Path, run: &RunRecord) -> Option<Face> {
+    let path = located(folder).ok()?;
     let sealed = reader::is_sealed(&path);
     let running = !sealed && goes_on(&path);
     let records = path.ancestors().nth(3)?.to_owned();

@@ -48,10 +48,49 @@ pub(super) enum Holder {
 
 /// Takes the lock of a file or a folder without a wait, or tells who has it. A station locks alone, and readers together.
 pub(super) fn holder(file: File) -> io::Result<Holder> {
-    match file.try_lock() {
-        Ok(()) => return Ok(Holder::Own(file)),
-        Err(TryLockError::Error(error)) => return Err(error),
-        Err(TryLockError::WouldBlock) => {}
+    holder_after(file, || ())
+}
+
+/// As [`holder`], with what others do after the first look.
+fn holder_after(file: File, meanwhile: impl FnOnce()) -> io::Result<Holder> {
+    if is_taken(file.try_lock())? {
+        return Ok(Holder::Own(file));
     }
-    Ok(if file.try_lock_shared().is_ok() { Holder::Readers } else { Holder::Station })
+    meanwhile();
+    if !is_taken(file.try_lock_shared())? {
+        return Ok(Holder::Station);
+    }
+    // A station that released it since the first look leaves it to this program. Readers do not.
+    Ok(if is_taken(file.try_lock())? { Holder::Own(file) } else { Holder::Readers })
+}
+
+fn is_taken(tried: Result<(), TryLockError>) -> io::Result<bool> {
+    match tried {
+        Ok(()) => Ok(true),
+        Err(TryLockError::WouldBlock) => Ok(false),
+        Err(TryLockError::Error(error)) => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lock_that_a_station_releases_meanwhile_is_no_readers_lock() {
+        let folder = tempfile::tempdir().unwrap();
+        let open = || File::open(folder.path()).unwrap();
+        let station = open();
+        station.try_lock().unwrap();
+        assert!(matches!(holder(open()).unwrap(), Holder::Station));
+        let own = holder_after(open(), || drop(station)).unwrap();
+        assert!(matches!(own, Holder::Own(_)), "{own:?}");
+        assert!(matches!(holder(open()).unwrap(), Holder::Station), "it is held from now on");
+        drop(own);
+        let reader = open();
+        reader.try_lock_shared().unwrap();
+        assert!(matches!(holder(open()).unwrap(), Holder::Readers));
+        drop(reader);
+        assert!(matches!(holder(open()).unwrap(), Holder::Own(_)), "the look at it left no lock");
+    }
 }

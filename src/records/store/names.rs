@@ -5,6 +5,7 @@ use std::path::Path;
 use chrono::{NaiveDateTime, NaiveTime, TimeDelta};
 use gnc_executive::state::RunState;
 
+use super::located::located;
 use super::{UNASSIGNED, name, reader};
 
 /// What the first event may be away from the time in the name of the folder, which is made just before it: a slow disk, or a clock
@@ -13,7 +14,7 @@ const AWAY: TimeDelta = TimeDelta::hours(2);
 
 /// What the journal names and the folder does not; `None` if they agree, and for a folder that stands in no day.
 pub(super) fn unlike(folder: &Path, state: &RunState) -> Option<String> {
-    let folder = std::path::absolute(folder).ok()?;
+    let folder = located(folder).ok()?;
     let day = reader::day_of_run(&folder)?;
     let (header, started) = (state.header()?, state.started()?);
     let of = |folder: Option<&Path>| Some(folder?.file_name()?.to_str()?.to_owned());

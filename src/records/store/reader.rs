@@ -358,7 +358,7 @@ pub(crate) fn day_of_run(run: &Path) -> Option<NaiveDate> {
 /// Whether a run stands in the folder of a day, as in a records folder.
 #[must_use]
 pub fn stands_in_a_day(run: &Path) -> bool {
-    std::path::absolute(run).is_ok_and(|run| day_of_run(&run).is_some())
+    super::located::located(run).is_ok_and(|run| day_of_run(&run).is_some())
 }
 
 /// The runs of a day whose module was not the scanned one, in no order. What of them concerns the scanned one, their records

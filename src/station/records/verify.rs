@@ -7,6 +7,7 @@ use std::process::ExitCode;
 
 use gnc_records::store::as_written::{self, Verified};
 use gnc_records::store::chain::{Against, ChainBook, ChainCheck, Head, LateCloses, Place, verify_against};
+use gnc_records::store::located::located;
 use gnc_records::store::reader::{self, ReadError};
 use gnc_records::store::{DIGESTS, PublicKey, Unread, may_begin};
 use gnc_text::printable;
@@ -77,7 +78,7 @@ struct Books {
 
 impl Books {
     fn of(&mut self, run: &Path) -> Option<(PathBuf, &ChainBook)> {
-        let run = std::path::absolute(run).ok()?;
+        let run = located(run).ok()?;
         let records = run.ancestors().nth(3)?.to_owned();
         if self.book.as_ref().is_none_or(|(known, _)| *known != records) {
             // What is no records folder has no chain.
@@ -157,7 +158,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     let chain = match &all {
         Some(place) => {
             // Runs are looked up by their whole paths.
-            let path = std::path::absolute(&place.path).unwrap_or_else(|_| place.path.clone());
+            let path = place.path.canonicalize().unwrap_or_else(|_| place.path.clone());
             let (checked, book) = verify_against(&path, against).map_err(|error| store_refusal(&error))?;
             books.book = Some((path, book));
             Some(checked)
@@ -371,8 +372,8 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
 /// What the chain says of a module or a run that the user named, beside the folders that are there.
 fn of_named(records: &Path, named: &Path) -> Option<ChainCheck> {
     // Runs are looked up by their whole paths.
-    let path = std::path::absolute(records).ok()?;
-    let name = std::path::absolute(named).ok().and_then(|whole| Some(whole.strip_prefix(&path).ok()?.to_owned()));
+    let path = records.canonicalize().ok()?;
+    let name = located(named).ok().and_then(|whole| Some(whole.strip_prefix(&path).ok()?.to_owned()));
     let name = name.unwrap_or_else(|| named.to_owned());
     ChainBook::read(&path).ok()?.of_named(name.to_str()?.trim_end_matches('/'))
 }

@@ -8,6 +8,7 @@ use super::entry::{ChainEntry, Kind, Place, Scribe};
 use super::links::OpenRun;
 use super::read::{DayChain, chain_of, name_in};
 use crate::store::begun::MAX_FIRST_EVENT_BYTES;
+use crate::store::located::located;
 use crate::store::{JOURNAL, StoreError, digest, on, reader};
 
 /// Writes that a run begins. The first line of its journal must be on disk. A run that has such a line keeps it.
@@ -40,7 +41,7 @@ pub(super) fn of<'a>(chain: &'a DayChain, run: &Path, name: &str, digest: &str) 
 /// # Errors
 /// The chain of its day cannot be read.
 pub fn place_of(run: &Path) -> Result<Option<Place>, StoreError> {
-    let run = &on(std::path::absolute(run), "find", run)?;
+    let run = &on(located(run), "find", run)?;
     let Ok((day, records)) = above(run) else { return Ok(None) };
     let Some(chain) = chain_of(records, &name_in(records, day))? else { return Ok(None) };
     let name = name_in(records, run);
@@ -59,7 +60,7 @@ pub(crate) fn was_moved(records: &Path, day: &str, open: &OpenRun) -> bool {
 /// # Errors
 /// The chain of its day cannot be read.
 pub(crate) fn is_named(run: &Path) -> Result<bool, StoreError> {
-    let run = &on(std::path::absolute(run), "find", run)?;
+    let run = &on(located(run), "find", run)?;
     let Ok((day, records)) = above(run) else { return Ok(false) };
     let Some(chain) = chain_of(records, &name_in(records, day))? else { return Ok(false) };
     let name = name_in(records, run);
@@ -71,7 +72,7 @@ pub(crate) fn is_named(run: &Path) -> Result<bool, StoreError> {
 /// # Errors
 /// The chain of its day cannot be read.
 pub(crate) fn is_closed(run: &Path) -> Result<bool, StoreError> {
-    let run = &on(std::path::absolute(run), "find", run)?;
+    let run = &on(located(run), "find", run)?;
     let Ok((day, records)) = above(run) else { return Ok(false) };
     let Some(chain) = chain_of(records, &name_in(records, day))? else { return Ok(false) };
     let name = name_in(records, run);

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::entry::{ChainEntry, LateClose, is_signed_by};
 use super::read::{chain_of, chains, counter, name_in};
 use super::{CHAIN, COUNTER};
+use crate::store::located::located;
 use crate::store::{DIGESTS, PublicKey, StoreError, digest, goes_on, on, reader};
 
 /// Bytes at the beginning of the next day's chain that are read: runs that go on past midnight have their lines in both days, some dozens
@@ -186,7 +187,7 @@ pub enum ChainStanding {
 /// # Errors
 /// A file cannot be read.
 pub fn standing(run: &Path) -> Result<ChainStanding, StoreError> {
-    let run = &on(std::path::absolute(run), "find", run)?;
+    let run = &on(located(run), "find", run)?;
     let mut above = run.ancestors().skip(2);
     let (Some(day), Some(records)) = (above.next(), above.next()) else { return Ok(ChainStanding::NoChain) };
     if !day.join(CHAIN).exists() {
@@ -265,7 +266,7 @@ impl LateCloses {
     }
 
     fn link(&mut self, run: &Path) -> Result<Option<&RunLink>, StoreError> {
-        let run = &on(std::path::absolute(run), "find", run)?;
+        let run = &on(located(run), "find", run)?;
         let mut above = run.ancestors().skip(2);
         let (Some(day), Some(records)) = (above.next(), above.next()) else { return Ok(None) };
         let links = match self.day.take().filter(|(known, _)| known == day) {

@@ -8,6 +8,7 @@ use super::check::{Against, ChainBook, ChainCheck, Head};
 use super::entry::ChainEntry;
 use super::read::name_in;
 use super::{NOTHING, contradictions, matching, places, signed};
+use crate::store::located::located;
 use crate::store::{StoreError, on, reader};
 
 impl ChainBook {
@@ -126,7 +127,7 @@ impl ChainBook {
 /// # Errors
 /// The records folder cannot be read.
 pub fn is_signed_beside(run: &Path) -> Result<bool, StoreError> {
-    let run = on(std::path::absolute(run), "find", run)?;
+    let run = on(located(run), "find", run)?;
     let Some(records) = run.ancestors().nth(3) else { return Ok(false) };
     Ok(ChainBook::read(records)?.lines.iter().any(|line| line.signature.is_some()))
 }

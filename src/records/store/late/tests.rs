@@ -1,5 +1,7 @@
 //! Power cuts at every point between the end of a run and its line in the chain, and what must never be closed late.
 
+mod named;
+
 use std::fs;
 
 use chrono::{DateTime, FixedOffset};

@@ -1,6 +1,7 @@
 //! One run has one word: each state of a record, over all that speak of it.
 
 use std::fs;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
 use gnc_executive::event::{BenchKind, Event};
@@ -86,6 +87,23 @@ fn late(run: &Path) {
     fs::write(records.join("COUNTER"), format!("{number} {link}\n")).expect("a counter");
 }
 
+/// `records show` calls a run the same by a link to it or to its day, and by `..`.
+fn is_the_same_by_all_names(run: &Path, name: &str) {
+    let links = tempfile::tempdir().expect("a folder");
+    let day = run.ancestors().nth(2).expect("a day");
+    symlink(run, links.path().join("run")).expect("a link");
+    symlink(day, links.path().join("day")).expect("a link");
+    let in_day = run.strip_prefix(day).expect("a run of the day");
+    let read = reader::read(run).expect("a run");
+    let direct = crate::records::face(run, &read);
+    assert!(direct.is_some(), "{name}");
+    let own = run.file_name().expect("a name");
+    let dotted = [day.join("A/../").join(in_day), run.join("..").join(own), run.join("plan/..")];
+    for path in [links.path().join("run"), links.path().join("day").join(in_day)].iter().chain(&dotted) {
+        assert_eq!(crate::records::face(path, &read), direct, "{name}: {}", path.display());
+    }
+}
+
 #[test]
 fn each_state_has_one_word_on_all_faces() {
     let nothing = |_: &Path| {};
@@ -166,6 +184,7 @@ fn each_state_has_one_word_on_all_faces() {
         let line = &lines[0];
         assert_eq!(line.mark.word(Lang::En.texts()), state.screen, "{name}");
         assert_eq!(open(run.clone()).expect("a run").2, line.mark, "{name}");
+        is_the_same_by_all_names(&run, name);
         // A pass that the list calls otherwise has its caveat beside it on the screen.
         let has_caveat = line.unproven || line.rejudged || matches!(line.mark, RunMark::Late(_));
         assert_eq!(
