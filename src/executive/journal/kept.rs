@@ -1,10 +1,12 @@
 //! What a journal may take of the memory, against its bytes: a journal is read line by line, and most of what its lines say is
 //! kept until the run is shown.
 
+use serde_json::Value;
+
 use super::JournalError;
 use crate::event::{Event, EventKind};
 
-/// Most bytes of memory that the events of a run may take: 800,000 measurements, or details with 3 million numbers. The journal of an
+/// Most bytes of memory that the events of a run may take: 800,000 measurements, or details with 6 million numbers. The journal of an
 /// acceptance has a thousandth of that.
 pub const MOST_KEPT: u64 = 384 << 20;
 /// Bytes of memory for a byte of a line without details: names and texts have heads of their own.
@@ -45,11 +47,35 @@ impl Kept {
     /// The events so far take more than any run of this station.
     pub fn add(&mut self, line: usize, bytes: &[u8], kind: &EventKind) -> Result<(), JournalError> {
         let taken = match kind {
-            EventKind::Found { .. } => weight(bytes),
+            EventKind::Found { details, .. } => retained(details),
             _ => (bytes.len() as u64).saturating_mul(OF_OTHERS),
         };
         self.bytes = self.bytes.saturating_add(taken.max(size_of::<Event>() as u64));
         if self.bytes > MOST_KEPT { Err(JournalError::TooMuch { line }) } else { Ok(()) }
+    }
+}
+
+/// Bytes of a node of an object's tree: eleven names and values, and one for each five names at least.
+const OF_NODE: u64 = 11 * (size_of::<String>() + size_of::<Value>()) as u64 + 16;
+/// Names in a node of an object at least.
+const IN_NODE: usize = 5;
+/// Bytes that the allocator needs for a text or a list of its own.
+const OF_ALLOCATION: u64 = 16;
+
+/// The memory that details take beside their own value.
+fn retained(value: &Value) -> u64 {
+    let of_text = |text: &String| text.capacity() as u64 + OF_ALLOCATION;
+    match value {
+        Value::Null | Value::Bool(_) | Value::Number(_) => 0,
+        Value::String(text) => of_text(text),
+        Value::Array(values) => {
+            let room = (values.capacity() * size_of::<Value>()) as u64 + OF_ALLOCATION;
+            values.iter().map(retained).fold(room, u64::saturating_add)
+        }
+        Value::Object(values) => {
+            let room = values.len().div_ceil(IN_NODE) as u64 * OF_NODE;
+            values.iter().map(|(name, value)| of_text(name) + retained(value)).fold(room, u64::saturating_add)
+        }
     }
 }
 
@@ -94,6 +120,45 @@ mod tests {
         let most = vec![b'x'; (MOST_KEPT / OF_OTHERS) as usize];
         assert!(kept.add(1, &most, &note).is_ok());
         assert!(matches!(kept.add(7, b"x", &note), Err(JournalError::TooMuch { line: 7 })));
+    }
+
+    /// What is kept of details is what they take in memory and not what reading them took: lists and objects are counted with the room
+    /// that they have.
+    #[test]
+    fn details_count_what_they_take() {
+        let details = |text: &str| serde_json::from_str::<Value>(text).unwrap();
+        assert_eq!(retained(&details("0.125")), 0);
+        let numbers = details(&format!("[{}0]", "0,".repeat(999_999)));
+        assert!((32_000_000..=64_100_000).contains(&retained(&numbers)), "{}", retained(&numbers));
+        let objects = details(&format!("[{}{{\"a\":0}}]", "{\"a\":0},".repeat(999)));
+        assert!((600_000..=800_000).contains(&retained(&objects)), "{}", retained(&objects));
+    }
+
+    /// Details that a station of an earlier version wrote, as often as the bound of that version let them be read.
+    #[test]
+    fn real_details_are_read_as_often_as_before() {
+        let journal = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/older/chain-1/records");
+        let mut folders = vec![std::path::PathBuf::from(journal)];
+        let mut lines = Vec::new();
+        while let Some(folder) = folders.pop() {
+            for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+                if path.is_dir() {
+                    folders.push(path);
+                } else if path.ends_with("events.jsonl") {
+                    let text = std::fs::read_to_string(path).unwrap();
+                    lines.extend(text.lines().filter(|line| line.contains("\"found\"")).map(str::to_owned));
+                }
+            }
+        }
+        assert!(!lines.is_empty());
+        for line in lines {
+            let event: Event = serde_json::from_str(&line).unwrap();
+            let mut kept = Kept::default();
+            let bound_before = (48 << 20) / line.len();
+            for at in 1..=bound_before {
+                kept.add(at, line.as_bytes(), &event.kind).unwrap();
+            }
+        }
     }
 
     /// Lines far below the longest one, and what each kind of value takes in memory: more than what stands here.

@@ -49,6 +49,9 @@ pub enum ReadError {
     /// No version of the station writes such a journal.
     #[error("the journal is damaged")]
     Damaged(#[source] JournalError),
+    /// The journal takes more memory than any run of the station.
+    #[error("the journal is too large to be read")]
+    TooLarge(#[source] JournalError),
     /// A later version of the station wrote the journal, and this version does not know all of it.
     #[error("written by a newer version of the station ({0})")]
     Newer(Unknown),
@@ -70,6 +73,9 @@ impl ReadError {
         match self {
             Self::Newer(_) => "read it with the version of the station that wrote it, or a later one",
             Self::NeverBegun => "you can remove its folder; run the plan",
+            Self::TooLarge(_) => {
+                "read events.jsonl with tools of your own: each line is JSON; docs/records.md has the limits"
+            }
             Self::File { .. } | Self::TooLong { .. } | Self::Damaged(_) | Self::Empty | Self::NoPlan => {
                 "`gnc-station records list` shows the runs that are there"
             }
@@ -95,6 +101,7 @@ impl ReadError {
         match error {
             FoldError::Read(source) => Self::File { path, source },
             FoldError::Journal(JournalError::Newer { unknown, .. }) => Self::Newer(unknown),
+            FoldError::Journal(error @ JournalError::TooMuch { .. }) => Self::TooLarge(error),
             FoldError::Journal(error) => Self::Damaged(error),
         }
     }
