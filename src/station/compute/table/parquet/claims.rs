@@ -28,8 +28,8 @@ const LONGEST_HEAD: u64 = 1 << 20;
 const LARGEST_PAGE: u64 = 512 << 20;
 /// Most different values that a page of them may have. A text of it takes 40 bytes beside its own.
 const MOST_DIFFERENT: u64 = 1 << 23;
-/// Fewest bytes of such a value: a number has four, and a text has its length in four.
-const OF_DIFFERENT: u64 = 4;
+/// Fewest bytes of such a value: one of a fixed length may have a single byte.
+const OF_DIFFERENT: u64 = 1;
 
 /// Why the claims are refused.
 #[derive(Debug, thiserror::Error)]
