@@ -28,8 +28,9 @@ pub(crate) enum RecordsCommand {
         /// The run's folder (a path from here, or below the records folder), or a serial number for its newest run.
         run: PathBuf,
     },
-    /// Compares runs with their digests and their journals. Exit code 1: a record is not as written. Exit code 2: a newer version
-    /// of the station wrote a record, so this version cannot check all of it.
+    /// Compares runs with their digests and their journals. Exit code 1: a record is not as written. Exit code 2: a record
+    /// cannot be checked: it cannot be read, a newer version of the station wrote it, or nothing shows that a station did. Exit code
+    /// 3: a station ended, or could not write, before a record was closed.
     Verify {
         /// Folders or serial numbers of runs; by default all runs.
         runs: Vec<PathBuf>,
