@@ -27,6 +27,7 @@ use gnc_text::{printable, with_causes};
 use crate::args::RunArgs;
 use crate::hook::Hooks;
 use crate::phrases::in_language;
+use crate::progress::Progress;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::serial_number::SerialNumberError;
 use crate::setup::{self, BenchHabits, Setup};
@@ -182,6 +183,7 @@ pub(crate) async fn all_rounds(
         hooks.transpose().map_err(|error| CommandRefusal::new(format!("cannot start the hook: {error}"), ""))?;
     let speaker = Speaker::new(args.events, request.plan.plan(), &request.serial_number);
     let mut shown = Shown {
+        start: Some(Progress::begin("records of earlier runs are looked at")),
         speaker: &speaker,
         bell: habits.bell,
         serial_number: &request.serial_number,
@@ -193,7 +195,10 @@ pub(crate) async fn all_rounds(
     };
     let (records, bench) = (equipment.records.clone(), equipment.bench.kind);
     let trusted_keys = equipment.trusted_keys.clone();
-    let done = match service::run(request, equipment, &control, &live, &mut shown).await {
+    let done = service::run(request, equipment, &control, &live, &mut shown).await;
+    // No line of it comes behind a refusal.
+    drop(shown.start.take());
+    let done = match done {
         // Command line, plan and bench are in order; it is this module that cannot be judged now.
         Err(error @ ServiceError::Requires { .. }) => {
             complain(with_causes(&error), &error.try_this());
@@ -251,6 +256,8 @@ fn refusal(error: &ServiceError) -> CommandRefusal {
 
 /// Shows each round, on a thread of its own.
 struct Shown<'a> {
+    /// Tells what takes time before the first round begins.
+    start: Option<Progress>,
     speaker: &'a Speaker,
     /// Whether the terminal rings at verdicts and questions.
     bell: bool,
@@ -264,6 +271,7 @@ struct Shown<'a> {
 
 impl Observer for Shown<'_> {
     fn begin(&mut self, folder: &RunFolder) -> io::Result<Watcher> {
+        drop(self.start.take());
         let (watcher, events) = mpsc::sync_channel(UNREAD_EVENTS);
         self.face = Some(Face::start(events, self.live, self.speaker.clone(), self.bell, folder.clone())?);
         Ok(Box::new(move |event| watcher.try_send(event.clone()).is_ok()))

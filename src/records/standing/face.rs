@@ -1,6 +1,5 @@
 //! What a run is called: one rule for lists, the screen, the shift and what is shown of a single run.
 
-use gnc_executive::outcome::Outcome;
 use gnc_executive::standing::{Flaw, Seal};
 use gnc_executive::verdict::Verdict;
 
@@ -53,27 +52,6 @@ impl Face {
             Found::Newer => Self::Newer,
             Found::Closed | Found::Unsealed => Self::Unsealed,
             Found::Unreadable => Self::Unreadable,
-        }
-    }
-
-    /// How the run ended, as far as its record is closed; of a changed one nothing is known.
-    #[must_use]
-    pub fn verdict(self) -> Option<Verdict> {
-        match self {
-            Self::Ended(verdict) | Self::Late(verdict) | Self::NotInChain(verdict) => Some(verdict),
-            _ => None,
-        }
-    }
-
-    /// The outcome that may count for the module: a pass that nothing proves is none.
-    #[must_use]
-    pub fn proved(self) -> Option<Verdict> {
-        match self {
-            Self::Ended(verdict) => Some(verdict),
-            Self::Late(verdict) | Self::NotInChain(verdict) if verdict.of_items().is_good() => {
-                Some(verdict.at_least(Outcome::Errored))
-            }
-            _ => self.verdict(),
         }
     }
 }

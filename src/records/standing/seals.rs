@@ -42,8 +42,7 @@ impl<'a> Seals<'a> {
             let flaw = if store::goes_on(run) { Flaw::UnderWay } else { Flaw::NotClosed };
             return Ok(Seal::Flawed(flaw));
         }
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let (day, name) = self.named(run);
         if self.day(&day)?.find(&name).is_none() {
             // The run may have been closed since the chain was read. Look whether its station still closes it, and only
             // then read the chain again.
@@ -87,8 +86,7 @@ impl<'a> Seals<'a> {
         if keys.is_empty() {
             return Ok(None);
         }
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let (day, name) = self.named(run);
         let Some(link) = self.day(&day)?.find(&name) else { return Ok(None) };
         let lines: Vec<_> = link.lines().map(|line| (line.number, line.is_signed_by(keys))).collect();
         if lines.iter().any(|(_, signed)| *signed == Some(false)) {
@@ -121,8 +119,7 @@ impl<'a> Seals<'a> {
     /// # Errors
     /// The records folder cannot be read.
     pub fn lacks_lines_behind(&mut self, run: &Path) -> Result<bool, StoreError> {
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let (day, name) = self.named(run);
         let Some(first) = self.day(&day)?.find(&name).map(RunLink::first_number) else { return Ok(false) };
         let known = self.end.and_then(|end| end.is_whole_from(first));
         let is_whole = match known {
@@ -147,8 +144,7 @@ impl<'a> Seals<'a> {
 
     /// Whether the journal of a run is proved to be the one that was closed.
     pub(super) fn has_journal_as_closed(&mut self, run: &Path) -> bool {
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let (day, name) = self.named(run);
         let link = self.day(&day).ok().and_then(|day| day.find(&name)).filter(|link| link.is_sound);
         let sums = || digest::of_file_within(&run.join(DIGESTS), MAX_DIGESTS_BYTES);
         let has_sums = link.is_some_and(|link| sums().is_ok_and(|sums| sums == link.digest));
@@ -158,15 +154,13 @@ impl<'a> Seals<'a> {
 
     /// The place of a run in the order in which runs were closed; `None` if the chain does not name it.
     pub(super) fn number(&mut self, run: &Path) -> Result<Option<u64>, StoreError> {
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let (day, name) = self.named(run);
         Ok(self.day(&day)?.find(&name).map(|link| link.number))
     }
 
     /// The line of a run that began and was not closed.
     pub(super) fn open(&mut self, run: &Path) -> Result<Option<OpenRun>, StoreError> {
-        let name = run.strip_prefix(self.records).unwrap_or(run).to_string_lossy().into_owned();
-        let day = name.split('/').next().unwrap_or_default().to_owned();
+        let (day, name) = self.named(run);
         Ok(self.day(&day)?.find_open(&name).cloned())
     }
 
@@ -174,6 +168,12 @@ impl<'a> Seals<'a> {
     fn began_otherwise(&mut self, run: &Path) -> Result<bool, StoreError> {
         let open = self.open(run)?;
         Ok(open.is_some_and(|open| chain::digest_of_first_line(run).map_or(true, |digest| digest != open.digest)))
+    }
+
+    /// The day of a run, and its name in the chain.
+    fn named(&self, run: &Path) -> (String, String) {
+        let name = chain::name_in(self.records, run);
+        (name.split('/').next().unwrap_or_default().to_owned(), name)
     }
 
     pub(super) fn day(&mut self, day: &str) -> Result<&DayLinks, StoreError> {

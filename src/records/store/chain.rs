@@ -59,6 +59,7 @@ pub use links::{ChainStanding, LateCloses, standing};
 pub(crate) use links::{DayLinks, OpenRun, RunLink, is_close_signed_by, of_day, was_closed_otherwise};
 pub(in crate::store) use mend::mend;
 pub(crate) use order::by_close;
+pub(crate) use read::name_in;
 pub(crate) use signed::Witnessed;
 pub use single::is_signed_beside;
 pub(crate) use whole::WholeEnd;

@@ -4,8 +4,8 @@
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use super::chain::{CHAIN, COUNTER};
-use super::reader;
+use super::chain::COUNTER;
+use super::{located, reader};
 
 /// Where among records a place lies.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub fn inside_records(path: &Path) -> Option<Inside> {
     }
     let is_day = |folder: &&Path| {
         let records = folder.parent();
-        reader::is_day(folder) && (has_chain(folder) || records.is_some_and(are_records))
+        reader::is_day(folder) && (located::has_chain(folder) || records.is_some_and(hold_runs))
     };
     // A folder of its own that has the name of a day would be taken for one.
     if let Some(day) = place.ancestors().find(is_day) {
@@ -36,24 +36,17 @@ pub fn inside_records(path: &Path) -> Option<Inside> {
     }
     let name = place.file_name()?.to_str()?;
     let is_counter = name.strip_prefix(COUNTER).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
-    (is_counter && place.parent().is_some_and(are_records)).then_some(Inside::Counter)
+    (is_counter && place.parent().is_some_and(hold_runs)).then_some(Inside::Counter)
 }
 
-fn has_chain(day: &Path) -> bool {
-    day.join(CHAIN).symlink_metadata().is_ok()
-}
-
-/// Whether runs were filed below a folder: it has a counter, or a day with a chain, or with a run.
-fn are_records(folder: &Path) -> bool {
-    if folder.join(COUNTER).symlink_metadata().is_ok() {
-        return true;
-    }
+/// Whether runs were filed below a folder, with a chain or before there was one.
+fn hold_runs(folder: &Path) -> bool {
     let below = |folder: &Path| -> Vec<PathBuf> {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         entries.map(|entry| entry.path()).collect()
     };
     let holds_runs = |day: &Path| below(day).iter().flat_map(|module| below(module)).any(|run| reader::is_run(&run));
-    below(folder).iter().filter(|day| reader::is_day(day)).any(|day| has_chain(day) || holds_runs(day))
+    located::are_records(folder) || below(folder).iter().any(|day| reader::is_day(day) && holds_runs(day))
 }
 
 /// The path without links and `..`. Of what is not there yet its names count.
@@ -75,6 +68,7 @@ mod tests {
     use std::os::unix::fs::symlink;
 
     use super::*;
+    use crate::store::chain::CHAIN;
 
     #[test]
     fn a_place_among_runs_is_found_however_it_is_named() {

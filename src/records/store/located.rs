@@ -42,11 +42,15 @@ fn without_parents(whole: &Path) -> PathBuf {
 }
 
 /// Whether a station files runs with a chain below a folder. A link to a day makes it no records folder.
-fn are_records(folder: &Path) -> bool {
+pub(super) fn are_records(folder: &Path) -> bool {
     if folder.join(COUNTER).symlink_metadata().is_ok() {
         return true;
     }
     let entries = folder.read_dir().into_iter().flatten().flatten();
     let days = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
-    days.map(|entry| entry.path()).any(|day| reader::is_day(&day) && day.join(CHAIN).symlink_metadata().is_ok())
+    days.map(|entry| entry.path()).any(|day| reader::is_day(&day) && has_chain(&day))
+}
+
+pub(super) fn has_chain(day: &Path) -> bool {
+    day.join(CHAIN).symlink_metadata().is_ok()
 }

@@ -23,58 +23,17 @@ pub(crate) struct Day {
     pub serial_numbers: usize,
 }
 
-/// How a run came out, as far as a list shows it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum RunMark {
-    /// The run ended so, and its folder was closed.
-    Ended(Verdict),
-    /// The run ended so, and its folder was closed by a later start of a station: it never counts as a pass.
-    Late(Verdict),
-    /// The run ended so, and the chain does not name it: nothing proves it.
-    NotInChain(Verdict),
-    /// Its record is not as it was closed, whatever it says.
-    Changed,
-    /// A station carries it out now.
-    Running,
-    /// The run has no end.
-    Interrupted,
-    /// Its folder was not closed.
-    Unsealed,
-    /// The run cannot be read.
-    Unreadable,
-    /// A later version of the station wrote it.
-    Newer,
-}
-
-impl From<Face> for RunMark {
-    fn from(face: Face) -> Self {
-        match face {
-            Face::Ended(verdict) => Self::Ended(verdict),
-            Face::Late(verdict) => Self::Late(verdict),
-            Face::NotInChain(verdict) => Self::NotInChain(verdict),
-            Face::Changed => Self::Changed,
-            Face::Running => Self::Running,
-            Face::Interrupted => Self::Interrupted,
-            Face::Unsealed => Self::Unsealed,
-            Face::Newer => Self::Newer,
-            Face::Unreadable => Self::Unreadable,
-        }
-    }
-}
-
-impl RunMark {
-    /// The mark in a word.
-    pub(crate) fn word(self, texts: &Texts) -> &'static str {
-        match self {
-            Self::Ended(verdict) | Self::Late(verdict) => texts.word_of(verdict),
-            Self::Interrupted => texts.interrupted,
-            Self::NotInChain(_) => texts.not_in_chain,
-            Self::Running => texts.running_record,
-            Self::Changed => texts.changed_record,
-            Self::Unsealed => texts.unsealed,
-            Self::Unreadable => texts.unreadable,
-            Self::Newer => texts.newer,
-        }
+/// What a run is called in a list, in a word.
+pub(crate) fn word(face: Face, texts: &Texts) -> &'static str {
+    match face {
+        Face::Ended(verdict) | Face::Late(verdict) => texts.word_of(verdict),
+        Face::Interrupted => texts.interrupted,
+        Face::NotInChain(_) => texts.not_in_chain,
+        Face::Running => texts.running_record,
+        Face::Changed => texts.changed_record,
+        Face::Unsealed => texts.unsealed,
+        Face::Unreadable => texts.unreadable,
+        Face::Newer => texts.newer,
     }
 }
 
@@ -85,7 +44,7 @@ pub(crate) struct RunLine {
     pub at: Option<DateTime<FixedOffset>>,
     pub serial_number: String,
     pub plan: String,
-    pub mark: RunMark,
+    pub face: Face,
     pub simulated: bool,
     pub unproven: bool,
     pub selection: bool,
@@ -108,7 +67,7 @@ pub(crate) struct Runs {
 pub(crate) struct OpenRun {
     pub path: PathBuf,
     pub state: RunState,
-    pub mark: RunMark,
+    pub face: Face,
     pub cursor: usize,
     pub check: Check,
 }
@@ -161,11 +120,9 @@ impl Records {
         let wanted = self.search.text().to_lowercase();
         let lines = self.runs.iter().flat_map(|runs| &runs.lines);
         lines
-            .filter(|line| match (self.filter, line.mark) {
+            .filter(|line| match (self.filter, line.face) {
                 (None, _) => true,
-                (Some(wanted), RunMark::Ended(verdict) | RunMark::Late(verdict)) => {
-                    wanted.to_show() == verdict.to_show()
-                }
+                (Some(wanted), Face::Ended(verdict) | Face::Late(verdict)) => wanted.to_show() == verdict.to_show(),
                 // A run without an end or a seal does not pass; the filter for aborted runs shows it.
                 (Some(wanted), _) => wanted.to_show() == Some(Outcome::Aborted),
             })

@@ -26,12 +26,12 @@ use gnc_executive::outcome::Outcome;
 use gnc_executive::serial_number::SerialNumberPattern;
 use gnc_executive::standing::Standing;
 use gnc_executive::verdict::Verdict;
+use gnc_records::standing::Face;
 
 use super::decode::Key;
 use super::lang::Lang;
 use super::model::{Glyphs, Loaded, RoundsSetting};
 use super::pending::Prepared;
-use super::records::RunMark;
 use super::scene::Scene;
 use super::update::{Effect, Msg};
 use scenes::{SCENES, error, fail, has_failed, line, never, record, records, runs};
@@ -380,7 +380,7 @@ fn a_second_judgement_is_marked() {
         fail(&mut played);
         let state = played.model.run.take().expect("a run").state;
         let path = "records/2026-11-22/DEMO-2/140900-functional-recomputed".into();
-        scene.tell(Msg::Opened(Ok(Box::new((path, state, RunMark::Ended(Verdict::Module(Outcome::Failed)))))));
+        scene.tell(Msg::Opened(Ok(Box::new((path, state, Face::Ended(Verdict::Module(Outcome::Failed)))))));
         let long = texts.rejudged_long.replace("{}", "140500-functional");
         for (width, height) in SIZES {
             scene.resize(width, height);
@@ -471,8 +471,8 @@ fn runs_are_found() {
     scene.key(Key::F(4));
     assert_eq!(scene.model.records.shown().len(), 1, "the failed one");
     (0..5).for_each(|_| drop(scene.key(Key::F(4))));
-    let partial: Vec<_> = scene.model.records.shown().iter().map(|run| run.mark).collect();
-    assert_eq!(partial, [RunMark::Ended(Verdict::Selection(Outcome::Passed))], "the selection is not among the passed");
+    let partial: Vec<_> = scene.model.records.shown().iter().map(|run| run.face).collect();
+    assert_eq!(partial, [Face::Ended(Verdict::Selection(Outcome::Passed))], "the selection is not among the passed");
     scene.key(Key::F(4));
     scene.types("demo-2");
     let shown = scene.model.records.shown();

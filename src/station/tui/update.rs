@@ -17,6 +17,7 @@ use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_executive::verdict::Verdict;
 use gnc_records::shift::Shift;
+use gnc_records::standing::Face;
 
 use super::decode::Key;
 use super::input::{Input, Scanned};
@@ -27,7 +28,7 @@ use super::model::{
 };
 use super::pending::{Interrupted, Prepared};
 use super::pictures::{DrawnPicture, PictureTrouble, PictureWanted};
-use super::records::{Check, Checked, Day, OpenRun, RunMark, Runs, Unopened};
+use super::records::{Check, Checked, Day, OpenRun, Runs, Unopened};
 use super::setup_form::{Choices, FormLook};
 use crate::phrases::in_language;
 
@@ -98,7 +99,7 @@ pub(crate) enum Msg {
     /// Runs of a day.
     Runs(Result<Runs, String>),
     /// A run was opened.
-    Opened(Result<Box<(PathBuf, RunState, RunMark)>, Unopened>),
+    Opened(Result<Box<(PathBuf, RunState, Face)>, Unopened>),
     /// A run was compared with its digests.
     Verified { path: PathBuf, checked: Checked },
     /// A look at raw values has ended, and why.
@@ -328,8 +329,8 @@ fn take_records(model: &mut ScreenModel, msg: Msg) {
             records.run_cursor = if same { records.run_cursor.min(last) } else { 0 };
         }
         Msg::Opened(Ok(opened)) => {
-            let (path, state, mark) = *opened;
-            records.open = Some(OpenRun { path, state, mark, cursor: 0, check: Check::NotAsked });
+            let (path, state, face) = *opened;
+            records.open = Some(OpenRun { path, state, face, cursor: 0, check: Check::NotAsked });
         }
         Msg::Verified { path, checked } => {
             if let Some(open) = records.open.as_mut().filter(|open| open.path == path) {

@@ -100,6 +100,6 @@ fn without_marks(line: &[u8]) -> &[u8] {
 }
 
 /// `DATE/SERIAL/TIME-PLAN` of a run.
-pub(super) fn name_in(records: &Path, run: &Path) -> String {
+pub(crate) fn name_in(records: &Path, run: &Path) -> String {
     run.strip_prefix(records).unwrap_or(run).to_string_lossy().into_owned()
 }

@@ -134,9 +134,9 @@ fn what_is_wrong_with_a_bench() {
 #[test]
 fn an_unreadable_bench_file_leaves_the_records_unknown() {
     let folder = tempfile::tempdir().expect("a folder");
-    let nobody = Proc(folder.path().join("nobody"));
+    let no_process = Proc(folder.path().join("no_process"));
     let bench = folder.path().join("bench.toml");
-    let told = |records: Option<&Path>| look(Some(&bench), records, &Sys::default(), &nobody);
+    let told = |records: Option<&Path>| look(Some(&bench), records, &Sys::default(), &no_process);
     let goes =
         |found: &[crate::doctor::Finding]| found.iter().any(|finding| finding.what.starts_with("records go to "));
     for text in ["[station]\nid = 7\n", "no TOML ["] {

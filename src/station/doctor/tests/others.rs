@@ -105,7 +105,7 @@ fn receivers_on_a_can_interface_are_counted() {
     assert_eq!(["can0", "can1", "can2"].map(|name| proc.can_receivers(name)), [2, 1, 0]);
 }
 
-/// The scanner's port is opened if nobody has it. Else its holder is named, and its modes stay as they are.
+/// The scanner's port is opened if no process has it. Else its holder is named, and its modes stay as they are.
 #[test]
 fn the_port_of_the_scanner_is_looked_at() {
     let (pty, port) = pseudo_terminal();
@@ -136,20 +136,20 @@ fn the_port_of_the_scanner_is_looked_at() {
         assert_eq!(found[0].mend.is_empty(), health == Health::Good, "{}", found[0]);
         assert_eq!(modes(), before, "the port was opened");
     }
-    let nobody = folder.path().join("nobody");
-    let found = look(&port, &nobody);
+    let no_process = folder.path().join("no_process");
+    let found = look(&port, &no_process);
     assert_eq!(
         (found[0].health, found[0].what.as_str()),
         (Health::Good, format!("scanner at {}, 9600 bit/s", port.display()).as_str())
     );
     assert_ne!(modes(), before, "the port was not opened");
     // Modules can be tested without a scanner.
-    let gone = look(Path::new("/dev/ttyNOWHERE"), &nobody);
+    let gone = look(Path::new("/dev/ttyNOWHERE"), &no_process);
     assert_eq!(
         (gone[0].health, gone[0].what.as_str()),
         (Health::Warning, "scanner: port /dev/ttyNOWHERE is not there")
     );
-    let file = look(&folder.path().join("77"), &nobody);
+    let file = look(&folder.path().join("77"), &no_process);
     assert!(file[0].mend.starts_with("correct [scanner] port"), "{}", file[0]);
 }
 
@@ -160,8 +160,8 @@ fn a_bench_with_a_scanner_is_looked_at() {
     let bench = folder.path().join("bench.toml");
     let text = "[station]\nid = \"line-2\"\n[scanner]\nport = \"/dev/ttyNOWHERE\"\n";
     fs::write(&bench, text).expect("a file");
-    let nobody = Proc(folder.path().join("nobody"));
-    let found = crate::doctor::look(Some(&bench), Some(folder.path()), &crate::doctor::Sys::default(), &nobody);
+    let no_process = Proc(folder.path().join("no_process"));
+    let found = crate::doctor::look(Some(&bench), Some(folder.path()), &crate::doctor::Sys::default(), &no_process);
     assert!(found.iter().any(|finding| finding.what == "scanner: port /dev/ttyNOWHERE is not there"), "{found:?}");
 }
 
@@ -185,8 +185,8 @@ fn a_port_in_use_is_not_opened() {
 
     let held = fs::File::open(&port).expect("the port");
     held.lock().expect("a lock");
-    let nobody = Proc(folder.path().join("nobody"));
-    let found = crate::doctor::lines::look(&bench, &crate::doctor::Sys::default(), &nobody);
+    let no_process = Proc(folder.path().join("no_process"));
+    let found = crate::doctor::lines::look(&bench, &crate::doctor::Sys::default(), &no_process);
     assert_eq!(modes(), before, "the port was opened");
     assert_eq!(found[0].health, Health::Warning, "{found:?}");
     let holder = format!("(process {})", std::process::id());

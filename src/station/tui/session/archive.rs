@@ -7,7 +7,7 @@ use gnc_executive::event::{BenchKind, OtherModule};
 use gnc_executive::record::RunRecord;
 use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
-use gnc_records::standing::Seals;
+use gnc_records::standing::{Face, Seals};
 use gnc_records::store;
 use gnc_records::store::as_written::{self, Verified};
 use gnc_records::store::head::RunHead;
@@ -16,7 +16,7 @@ use gnc_text::with_causes;
 
 use super::files::Held;
 use crate::setup;
-use crate::tui::records::{Checked, Day, MAX_RUNS, RunLine, RunMark, Runs, Unopened};
+use crate::tui::records::{Checked, Day, MAX_RUNS, RunLine, Runs, Unopened};
 use crate::tui::update::Msg;
 
 /// Largest number of runs that are opened to find out how long a plan takes. If none is of this plan, the time is
@@ -51,7 +51,7 @@ pub(super) fn runs(records: &Path, day: String) -> Result<Runs, String> {
 }
 
 fn line(found: reader::FoundRun, seals: &mut Seals<'_>) -> RunLine {
-    let mark = mark(&found, seals);
+    let face = face(&found, seals);
     let folder = |path: Option<&Path>| {
         path.and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
     };
@@ -68,7 +68,7 @@ fn line(found: reader::FoundRun, seals: &mut Seals<'_>) -> RunLine {
                 None => run.serial_number,
             },
             plan: run.plan.name,
-            mark,
+            face,
             elapsed_s: run.elapsed_s,
         },
         Err(_) => RunLine {
@@ -79,7 +79,7 @@ fn line(found: reader::FoundRun, seals: &mut Seals<'_>) -> RunLine {
             plan: folder(Some(&found.path)),
             at: named_time(&found.path),
             path: found.path,
-            mark,
+            face,
             simulated: false,
             unproven: false,
             selection: false,
@@ -98,19 +98,19 @@ fn named_time(run: &Path) -> Option<DateTime<FixedOffset>> {
 }
 
 /// What the run is called. Why a chain cannot be read, `records verify` tells.
-fn mark(found: &reader::FoundRun, seals: &mut Seals<'_>) -> RunMark {
-    seals.face(found).map_or(RunMark::Unreadable, RunMark::from)
+fn face(found: &reader::FoundRun, seals: &mut Seals<'_>) -> Face {
+    seals.face(found).unwrap_or(Face::Unreadable)
 }
 
 /// Opens a run.
-pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, RunMark)>, Unopened> {
+pub(super) fn open(path: PathBuf) -> Result<Box<(PathBuf, RunState, Face)>, Unopened> {
     let state = reader::fold(&path).map_err(|error| unopened(&error))?;
     let run = RunRecord::from_state(&state).ok_or_else(|| unopened(&ReadError::Empty))?;
     let (sealed, running) = (reader::is_sealed(&path), store::goes_on(&path));
     let found = reader::FoundRun { path, run: Ok(run), sealed, running: running && !sealed };
     let records = found.path.ancestors().nth(3).unwrap_or(&found.path);
-    let mark = mark(&found, &mut Seals::new(records));
-    Ok(Box::new((found.path, state, mark)))
+    let face = face(&found, &mut Seals::new(records));
+    Ok(Box::new((found.path, state, face)))
 }
 
 fn unopened(error: &ReadError) -> Unopened {
@@ -186,16 +186,16 @@ mod tests {
             }
             writer.close().await.expect("closed");
         });
-        let marks = || {
-            let listed = runs(records, "2026-11-23".to_owned()).expect("a day").lines[0].mark;
+        let faces = || {
+            let listed = runs(records, "2026-11-23".to_owned()).expect("a day").lines[0].face;
             (listed, open(run.clone()).expect("a run").2)
         };
-        let passed = RunMark::Ended(Verdict::Module(Outcome::Passed));
-        assert_eq!(marks(), (passed, passed));
+        let passed = Face::Ended(Verdict::Module(Outcome::Passed));
+        assert_eq!(faces(), (passed, passed));
         let path = run.join("run.json");
         let record = std::fs::read_to_string(&path).expect("a record");
         std::fs::write(&path, record.replace("\"A\"", "\"B\"")).expect("a record");
-        assert_eq!(marks(), (RunMark::Changed, RunMark::Changed));
+        assert_eq!(faces(), (Face::Changed, Face::Changed));
     }
 
     /// Only the head of each record is read: here is no journal, and the items are no JSON.

@@ -12,13 +12,14 @@ use gnc_executive::outcome::{Cause, Outcome};
 use gnc_executive::standing::{PastRun, Standing};
 use gnc_executive::verdict::Verdict;
 use gnc_records::shift::{ModuleOfShift, Shift};
+use gnc_records::standing::Face;
 use gnc_rig::{Along, Orientation};
 
 use super::{captures, start};
 use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
 use crate::tui::model::Loaded;
-use crate::tui::records::{Day, RunLine, RunMark, Runs};
+use crate::tui::records::{Day, RunLine, Runs};
 use crate::tui::scene::{ITEMS, Scene, measured};
 use crate::tui::update::Msg;
 
@@ -133,7 +134,7 @@ pub(super) const SCENES: &[(&str, Play)] = &[
     ("records-late-run", |lang, size| {
         played(lang, size, |scene| {
             late(scene);
-            scene.tell(opened(scene.model.lang, RunMark::Late(Verdict::Module(Outcome::Failed))));
+            scene.tell(opened(scene.model.lang, Face::Late(Verdict::Module(Outcome::Failed))));
         })
     }),
     ("records-newer", |lang, size| played(lang, size, start::newer)),
@@ -288,14 +289,14 @@ pub(super) fn error(scene: &mut Scene) {
     scene.run_ends(Outcome::Errored);
 }
 
-pub(super) fn line(serial_number: &str, minute: u32, mark: RunMark) -> RunLine {
+pub(super) fn line(serial_number: &str, minute: u32, face: Face) -> RunLine {
     let at = chrono::DateTime::parse_from_rfc3339(&format!("2026-11-22T14:{minute:02}:00+08:00")).expect("a time");
     RunLine {
         path: format!("records/2026-11-22/{serial_number}/14{minute:02}00-functional").into(),
         at: Some(at),
         serial_number: serial_number.into(),
         plan: "functional".into(),
-        mark,
+        face,
         simulated: true,
         unproven: false,
         selection: minute == 7,
@@ -336,32 +337,32 @@ pub(super) fn records(scene: &mut Scene) {
 pub(super) fn runs(scene: &mut Scene) {
     records(scene);
     let lines = vec![
-        line("DEMO-1", 5, RunMark::Ended(Verdict::Module(Outcome::Failed))),
-        line("DEMO-1", 7, RunMark::Ended(Verdict::Selection(Outcome::Passed))),
-        line("DEMO-2", 9, RunMark::Ended(Verdict::Module(Outcome::Errored))),
-        line("模块-3", 11, RunMark::Interrupted),
+        line("DEMO-1", 5, Face::Ended(Verdict::Module(Outcome::Failed))),
+        line("DEMO-1", 7, Face::Ended(Verdict::Selection(Outcome::Passed))),
+        line("DEMO-2", 9, Face::Ended(Verdict::Module(Outcome::Errored))),
+        line("模块-3", 11, Face::Interrupted),
     ];
     scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
 }
 
 pub(super) fn record(scene: &mut Scene) {
     runs(scene);
-    scene.tell(opened(scene.model.lang, RunMark::Ended(Verdict::Module(Outcome::Failed))));
+    scene.tell(opened(scene.model.lang, Face::Ended(Verdict::Module(Outcome::Failed))));
 }
 
-fn opened(lang: Lang, mark: RunMark) -> Msg {
+fn opened(lang: Lang, face: Face) -> Msg {
     let mut played = Scene::new(lang, 80, 24).expect("memory");
     fail(&mut played);
     let state = played.model.run.take().expect("a run").state;
     let path = "records/2026-11-22/DEMO-1/140500-functional".into();
-    Msg::Opened(Ok(Box::new((path, state, mark))))
+    Msg::Opened(Ok(Box::new((path, state, face))))
 }
 
 /// A run that passed and was closed by a later start, beside one that was closed in time.
 pub(super) fn late(scene: &mut Scene) {
     records(scene);
     let passed = Verdict::Module(Outcome::Passed);
-    let lines = vec![line("DEMO-1", 5, RunMark::Late(passed)), line("DEMO-2", 6, RunMark::Ended(passed))];
+    let lines = vec![line("DEMO-1", 5, Face::Late(passed)), line("DEMO-2", 6, Face::Ended(passed))];
     scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
 }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use gnc_executive::event::EventKind;
 use gnc_executive::outcome::Outcome;
+use gnc_records::standing::Face;
 
 use super::scene;
 use crate::files::ChangedFile;
@@ -12,7 +13,7 @@ use crate::tui::decode::Key;
 use crate::tui::lang::Lang;
 use crate::tui::model::{BenchView, Loaded, ProgramView, RoundsSetting};
 use crate::tui::pending::{Interrupted, Prepared, Resumable};
-use crate::tui::records::{Checked, RunMark, Runs, Unopened};
+use crate::tui::records::{Checked, Runs, Unopened};
 use crate::tui::scene::{Scene, measured};
 use crate::tui::setup_form::FormLook;
 use crate::tui::update::{Effect, Msg, StartRequest};
@@ -81,7 +82,7 @@ pub(super) fn told(serial_number: &str) -> Msg {
 /// A run of a later version is in the list, is not called damaged, and says why it is not shown.
 pub(super) fn newer(scene: &mut Scene) {
     super::records(scene);
-    let lines = vec![super::line("DEMO-1", 5, RunMark::Newer), super::line("DEMO-2", 9, RunMark::Unreadable)];
+    let lines = vec![super::line("DEMO-1", 5, Face::Newer), super::line("DEMO-2", 9, Face::Unreadable)];
     scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
     scene.tell(Msg::Opened(Err(Unopened::Newer("event `weighed`".into()))));
     let checked = Checked { problems: Vec::new(), newer: Some("event `weighed`".into()) };

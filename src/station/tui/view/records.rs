@@ -3,6 +3,7 @@
 use gnc_executive::outcome::Outcome;
 use gnc_executive::text::duration;
 use gnc_executive::verdict::Verdict;
+use gnc_records::standing::Face;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
@@ -13,7 +14,7 @@ use super::rows::first_shown;
 use super::{WIDE, detail, frame as edges, rows, shift, style, text};
 use crate::tui::lang::fill;
 use crate::tui::model::{MessageWeight, ScreenModel, order};
-use crate::tui::records::{Check, MAX_RUNS, OpenRun, RunLine, RunMark, Runs};
+use crate::tui::records::{Check, MAX_RUNS, OpenRun, RunLine, Runs, word};
 use crate::tui::update::checked_words;
 
 pub(super) fn draw(model: &ScreenModel, frame: &mut Frame<'_>, area: Rect) {
@@ -130,7 +131,7 @@ const HEAD_OF_RUN: u16 = 5;
 
 fn run_spans(model: &ScreenModel, run: &RunLine, same: bool, cells: usize) -> Vec<Span<'static>> {
     let texts = model.texts;
-    let (mark, word, mark_style) = mark(model, run.mark);
+    let (mark, word, mark_style) = mark(model, run.face);
     let time = run.at.map(|at| at.format("%H:%M:%S").to_string()).unwrap_or_default();
     let number_style = if same { style::faint() } else { style::strong() };
     let caveats = [
@@ -138,7 +139,7 @@ fn run_spans(model: &ScreenModel, run: &RunLine, same: bool, cells: usize) -> Ve
         (run.unproven, texts.unproven, texts.unproven_short),
         (run.selection, texts.selection, texts.selection_short),
         (run.rejudged, texts.rejudged, texts.rejudged_short),
-        (matches!(run.mark, RunMark::Late(_)), texts.late, texts.late_short),
+        (matches!(run.face, Face::Late(_)), texts.late, texts.late_short),
     ];
     let caveats = || caveats.iter().filter(|(is, ..)| *is);
     let whole = caveats().map(|(_, word, _)| *word).collect::<Vec<_>>().join(" ");
@@ -169,18 +170,18 @@ fn run_spans(model: &ScreenModel, run: &RunLine, same: bool, cells: usize) -> Ve
     ]
 }
 
-fn mark(model: &ScreenModel, mark: RunMark) -> (&'static str, &'static str, Style) {
-    let (sign, verdict) = match mark {
-        RunMark::Ended(verdict) => (style::verdict_mark(verdict), verdict),
+fn mark(model: &ScreenModel, face: Face) -> (&'static str, &'static str, Style) {
+    let (sign, verdict) = match face {
+        Face::Ended(verdict) => (style::verdict_mark(verdict), verdict),
         _ => ("?", Verdict::Module(Outcome::Aborted)),
     };
-    (sign, mark.word(model.texts), style::verdict(model.look, verdict))
+    (sign, word(face, model.texts), style::verdict(model.look, verdict))
 }
 
 fn one(model: &ScreenModel, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
     let texts = model.texts;
     let mut reasons = edges::no_evidence(model);
-    if matches!(open.mark, RunMark::Late(_)) {
+    if matches!(open.face, Face::Late(_)) {
         reasons.push(texts.late_long.to_owned());
     }
     // A record without reasons keeps its empty line.
@@ -190,7 +191,7 @@ fn one(model: &ScreenModel, open: &OpenRun, frame: &mut Frame<'_>, area: Rect) {
     let block = block_in(&name, top);
     let inner = block.inner(top);
     frame.render_widget(block, top);
-    let (sign, word, sign_style) = mark(model, open.mark);
+    let (sign, word, sign_style) = mark(model, open.face);
     let cells = usize::from(inner.width);
     let mut lines = Vec::new();
     if let Some(header) = open.state.header() {

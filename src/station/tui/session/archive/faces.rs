@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use gnc_executive::event::{BenchKind, Event};
 use gnc_executive::plan::Plan;
 use gnc_records::shift::{ShiftBook, ShiftOf};
+use gnc_records::standing::Face;
 use gnc_records::store::{RecordWriter, RunFolder, digest, reader};
 use serde_json::json;
 
 use super::{open, runs};
 use crate::tui::Lang;
-use crate::tui::records::RunMark;
+use crate::tui::records::word;
 
 const DAY: &str = "2026-11-23";
 const TIME: &str = "2026-11-23T08:00:00+08:00";
@@ -182,11 +183,11 @@ fn each_state_has_one_word_on_all_faces() {
         assert_eq!(crate::records::listed(records, &run), state.listed, "{name}");
         let lines = runs(records, DAY.to_owned()).expect("a day").lines;
         let line = &lines[0];
-        assert_eq!(line.mark.word(Lang::En.texts()), state.screen, "{name}");
-        assert_eq!(open(run.clone()).expect("a run").2, line.mark, "{name}");
+        assert_eq!(word(line.face, Lang::En.texts()), state.screen, "{name}");
+        assert_eq!(open(run.clone()).expect("a run").2, line.face, "{name}");
         is_the_same_by_all_names(&run, name);
         // A pass that the list calls otherwise has its caveat beside it on the screen.
-        let has_caveat = line.unproven || line.rejudged || matches!(line.mark, RunMark::Late(_));
+        let has_caveat = line.unproven || line.rejudged || matches!(line.face, Face::Late(_));
         assert_eq!(
             state.listed.replace("_in_", " in ") == state.screen,
             !has_caveat || name == "failed late",
