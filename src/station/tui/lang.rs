@@ -213,6 +213,8 @@ pub(crate) struct Texts {
     pub file_changed: &'static str,
     pub file_unreadable: &'static str,
     pub reading_new: &'static str,
+    /// Before a run: what takes time where many runs are filed.
+    pub looking_back: &'static str,
     pub interrupted_title: &'static str,
     pub interrupted_question: &'static str,
     pub no_resume_question: &'static str,

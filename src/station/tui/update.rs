@@ -225,6 +225,7 @@ pub(crate) fn update(model: &mut ScreenModel, msg: Msg) -> Option<Effect> {
         Msg::Standing { serial_number, standing } => run::standing(model, &serial_number, standing),
         Msg::Prepared(prepared) => return start::prepared(model, *prepared),
         Msg::RoundBegins { folder } | Msg::RoundEnded { folder } => {
+            model.has_looked_back();
             if let Some(run) = &mut model.run {
                 run.folder = Some(folder);
             }

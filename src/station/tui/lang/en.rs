@@ -155,6 +155,7 @@ pub(super) static TEXTS: Texts = Texts {
     file_changed: "{} was changed since it was checked.",
     file_unreadable: "{} cannot be read any more: {}",
     reading_new: "Reading the changed files: look at them, then press F5.",
+    looking_back: "Looking at the records of earlier runs.",
     interrupted_title: "Earlier run",
     interrupted_question: "{} has a run that began {}. Reuse its complete captures, and capture the rest?",
     no_resume_question: "Run the plan from its beginning?",

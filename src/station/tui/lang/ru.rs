@@ -156,6 +156,7 @@ pub(super) static TEXTS: Texts = Texts {
     file_changed: "{} изменён после проверки.",
     file_unreadable: "{} больше не читается: {}",
     reading_new: "Читаются изменённые файлы: посмотрите их, затем нажмите F5.",
+    looking_back: "Просматриваются записи прежних прогонов.",
     interrupted_title: "Прежний прогон",
     interrupted_question: "У {} есть прогон, начатый {}. Использовать его полные съёмки и снять остальное?",
     no_resume_question: "Выполнить план с начала?",

@@ -156,6 +156,7 @@ pub(super) static TEXTS: Texts = Texts {
     file_changed: "{} 在检查后被更改。",
     file_unreadable: "{} 无法再读取：{}",
     reading_new: "正在读取更改后的文件：查看后再按 F5。",
+    looking_back: "正在查看以往运行的记录。",
     interrupted_title: "较早的运行",
     interrupted_question: "{} 有一次于 {} 开始的运行。是否沿用其中已完整采集的数据，只采集其余部分？",
     no_resume_question: "是否从头运行方案？",

@@ -89,6 +89,13 @@ impl ScreenModel {
         }
     }
 
+    /// Takes away the line that says that earlier runs are looked at.
+    pub(crate) fn has_looked_back(&mut self) {
+        if self.message.as_ref().is_some_and(|(_, told)| told == self.texts.looking_back) {
+            self.message = None;
+        }
+    }
+
     /// How long the message stays; `None` if there is none, or if it is an error, which stays until something follows.
     pub(crate) fn message_left(&self) -> Option<Duration> {
         let stays = match self.message.as_ref()?.0 {

@@ -100,6 +100,24 @@ pub(super) fn in_the_hour(lang: Lang, size: (u16, u16), captured_s: f64) -> Scen
     scene
 }
 
+/// Where many runs are filed, the look at them takes seconds: before the questions, and again before the first round.
+#[test]
+fn a_look_at_many_earlier_runs_is_told_while_it_lasts() {
+    let mut scene = scene(Lang::En);
+    let told = |scene: &Scene| scene.model.message.as_ref().is_some_and(|(_, text)| text.contains("earlier runs"));
+    scene.types("DEMO-1");
+    scene.key(Key::Enter);
+    scene.key(Key::F(5));
+    assert!(told(&scene));
+    let (serial_number, changed, standing) = ("DEMO-1".into(), changed(), Some(super::never()));
+    scene.tell(Msg::Prepared(Box::new(Prepared { serial_number, changed, standing, resume: None })));
+    assert!(!told(&scene), "the question waits, and not the records");
+    started(scene.key(Key::F(6)));
+    assert!(told(&scene));
+    scene.tell(Msg::RoundBegins { folder: RUN.into() });
+    assert!(!told(&scene));
+}
+
 /// The plan on the screen is the plan that runs, and reading the files again starts nothing.
 #[test]
 fn changed_files_are_asked_about() {

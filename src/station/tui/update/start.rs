@@ -102,12 +102,14 @@ fn ask_to_start(model: &mut ScreenModel, pending: PendingStart) -> Option<Effect
     }
     let (selection, resume) = (pending.selection.clone(), model.resume.clone());
     model.pending = Some(pending);
+    model.say(MessageWeight::Info, model.texts.looking_back);
     Some(Effect::Prepare { serial_number, selection, resume })
 }
 
 /// Takes the result of the check. The screen then asks one question after the other.
 pub(super) fn prepared(model: &mut ScreenModel, prepared: Prepared) -> Option<Effect> {
     let Prepared { serial_number, changed, standing, resume } = prepared;
+    model.has_looked_back();
     // A second press of the key must not ask again.
     if model.scan.current.as_ref() != Some(&serial_number) || model.over.iter().any(is_question) {
         return None;
@@ -221,7 +223,8 @@ fn start(model: &mut ScreenModel) -> Option<Effect> {
     model.keep_power();
     model.line_lost = false;
     model.run = Some(RunView::new(serial_number.clone(), rounds, expected_s, &model.now));
-    model.message = None;
+    // A start mends what earlier ones left, before its first round.
+    model.say(MessageWeight::Info, model.texts.looking_back);
     (model.cursor, model.cursor_moved) = (0, false);
     let fields = model.asked_numbers();
     model.operator_remembered = false;
