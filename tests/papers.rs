@@ -148,6 +148,9 @@ fn it_belongs_to_the_sealed_record(place: &Place, folder: &Path, passport: &Valu
     let output = Command::new("sh").args(["-c", command]).current_dir(folder).output().expect("a shell");
     let digest = String::from_utf8_lossy(&output.stdout);
     assert_eq!(digest.split_whitespace().next(), passport["origin"]["record_sha256"].as_str());
+    let shown = place.run(["records", "show", folder.to_str().expect("UTF-8")]);
+    let line = shown.stdout.lines().find_map(|line| line.strip_prefix("Record: SHA-256 "));
+    assert_eq!(line, passport["origin"]["record_sha256"].as_str(), "an audit compares the two: {}", shown.stdout);
     let sums = fs::read_to_string(folder.join("SHA256SUMS")).expect("digests");
     assert!(sums.contains("  passport.json\n") && sums.contains("  passport.xml\n"), "{sums}");
     assert_eq!(place.run(["records", "verify"]).code, Some(0));

@@ -232,6 +232,7 @@ fn newer(folder: &Path) -> Option<Doubt> {
 
 /// Exports every raw file that can be read.
 fn all(folder: &Path, out: &Path, format: Format, stop: &Stop) -> Result<Exported, ExportError> {
+    let progress = Progress::begin("raw samples are exported");
     let files = captures::files(folder)?;
     let promises = Promises::of(folder)?;
     let missing = captures::missing(folder, &promises)?;
@@ -241,7 +242,6 @@ fn all(folder: &Path, out: &Path, format: Format, stop: &Stop) -> Result<Exporte
     if out.symlink_metadata().is_ok() {
         return Err(ExportError::Exists { path: out.to_owned() });
     }
-    let progress = Progress::begin("raw samples are exported");
     let bytes_of = |file: &PathBuf| file.metadata().map_or(0, |meta| meta.len() as usize);
     progress.total(files.iter().map(bytes_of).sum());
     let tables = Tables::create(out).map_err(|error| match Tables::part_of(out) {

@@ -12,6 +12,7 @@ use gnc_executive::standing::Seal;
 use gnc_executive::text;
 use gnc_records::standing::{Face, Seals};
 use gnc_records::store::chain::LateCloses;
+use gnc_records::store::digest::FileDigests;
 use gnc_records::store::located::located;
 use gnc_records::store::reader::{self, FoundRun, Wanted};
 use gnc_records::store::{StationKey, StoreError, chain, goes_on};
@@ -28,10 +29,13 @@ use place::RecordsPlace;
 pub(crate) fn run(what: &RecordsCommand, records: &RecordsArgs) -> ExitCode {
     let done = match what {
         RecordsCommand::List(args) => records.find().map(|place| list::list(&place, args)),
-        RecordsCommand::Show { run } => resolve_in(records, run).map(|(folders, place)| match folders.last() {
-            Some(newest) => show(newest),
-            None => no_such(run, place.as_ref()),
-        }),
+        RecordsCommand::Show { run } => {
+            let progress = Progress::begin("the run is read");
+            resolve_in(records, run).map(|(folders, place)| match folders.last() {
+                Some(newest) => show(newest, progress),
+                None => no_such(run, place.as_ref()),
+            })
+        }
         RecordsCommand::Verify { runs, key, counter, head } => verify::run(records, runs, key, counter, head),
         RecordsCommand::Key { file } => return make_key(file),
     };
@@ -77,11 +81,8 @@ fn state(wording: &Wording, word: &str) -> String {
     padded(&wording.text(word), 11) + " "
 }
 
-fn show(folder: &Path) -> ExitCode {
-    let progress = Progress::begin("the run is read");
-    let run = reader::read(folder);
-    drop(progress);
-    match run {
+fn show(folder: &Path, progress: Progress) -> ExitCode {
+    match reader::read(folder) {
         Ok(run) => {
             let mut out = Lines::to_stdout();
             out.wording.keep_names_of(&run);
@@ -93,6 +94,10 @@ fn show(folder: &Path) -> ExitCode {
             let is_changed = face == Some(Face::Changed);
             let is_proved = late.is_none() && is_closed && !is_changed && !matches!(face, Some(Face::NotInChain(_)));
             let run = if is_proved { run } else { run.not_closed() };
+            let place = chain::place_of(folder).ok().flatten();
+            let digest = FileDigests::read(folder).ok().map(|(sums, _)| sums.of_record());
+            // No line of it comes between those of the run.
+            drop(progress);
             if is_changed {
                 out.say("CHANGED: this record is not as it was closed and nothing that it says is proved");
                 out.say("");
@@ -115,12 +120,18 @@ fn show(folder: &Path) -> ExitCode {
                 out.say("");
                 out.say("NOT CLOSED: its station ended, or could not write, before the run was in the chain; it is not a pass");
             }
-            if let Ok(Some(place)) = chain::place_of(folder) {
+            if let Some(place) = place {
                 out.say(format_args!("\nChain: {place}"));
+            }
+            if let Some(digest) = digest {
+                out.say(format_args!("Record: SHA-256 {digest}"));
             }
             ExitCode::SUCCESS
         }
-        Err(error) => refuse(gnc_text::with_causes(&error), error.try_this()),
+        Err(error) => {
+            drop(progress);
+            refuse(gnc_text::with_causes(&error), error.try_this())
+        }
     }
 }
 

@@ -39,15 +39,15 @@ const LONGEST_LINE: usize = 1 << 20;
 /// Largest number of values in the columns of a method: 4 GB of memory, and a day of six channels at 1 kHz.
 const MOST_VALUES: usize = 1 << 29;
 
-/// Number of values that is worth a word: they take half a gigabyte, and the work on them as much again.
-const WORTH_A_WORD: usize = 1 << 26;
+/// Number of values that is worth a word. An Allan deviation of 66 million takes 1.16 GB, and a spectrum less.
+const WORTH_A_WORD: usize = 50_000_000;
 
 /// Says once that a record takes much memory.
 pub(super) fn tell_size(path: &Path, values: usize, told: &mut bool) {
     if values > WORTH_A_WORD && !std::mem::replace(told, true) {
         complain(
             format_args!(
-                "{} has more than {WORTH_A_WORD} values: with the work on them they take more than 1 GB of memory",
+                "{} has more than {WORTH_A_WORD} values: with the work on them they may take more than 1 GB of memory",
                 shown_path(path)
             ),
             "give a shorter stretch of the record if this computer has less",

@@ -4,12 +4,14 @@ use std::io::IsTerminal as _;
 use std::path::Path;
 
 use gnc_bench::clock;
-use gnc_records::store::{chain, reader};
+use gnc_records::store::chain;
+use gnc_records::store::reader::{self, Wanted};
 use nix::errno::Errno;
 use nix::sys::statvfs::statvfs;
 use nix::unistd::{AccessFlags, access};
 
 use super::Finding;
+use crate::progress::Progress;
 use crate::version;
 
 /// With less room than this a day's records do not fit: an hour of captures is 40 MB, a module's acceptance 250 MB.
@@ -50,11 +52,16 @@ pub(super) fn records(folder: &Path) -> Vec<Finding> {
         let what = format!("no run can be closed: {}", gnc_text::with_causes(&error));
         findings.push(Finding::bad(what, error.try_this()));
     }
-    match reader::list(folder) {
-        Ok(runs) => {
-            let open = runs.iter().filter(|run| !run.sealed && !run.running).count();
+    let progress = Progress::begin("records of earlier runs are looked at");
+    // One after the other: all of them together may be more than the memory holds.
+    let counted = reader::wanted(folder, Wanted::default()).map(|runs| {
+        runs.fold((0_usize, 0_usize), |(all, open), run| (all + 1, open + usize::from(!run.sealed && !run.running)))
+    });
+    drop(progress);
+    match counted {
+        Ok((all, open)) => {
             if open > 0 {
-                let what = format!("{open} of {} runs in {shown} have no end or were not closed", runs.len());
+                let what = format!("{open} of {all} runs in {shown} have no end or were not closed");
                 findings.push(Finding::warning(what, format!("gnc-station records list --records {shown}")));
             }
         }
