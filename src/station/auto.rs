@@ -119,7 +119,10 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         false => answers,
     };
     let setup = bench.open(&serial_number, at_the_terminal)?;
-    let resume = args.resume.as_deref();
+    let resume = args.resume.as_deref().map(|run| records::to_resume(&setup.equipment.records, run)).transpose()?;
+    if let Some(run) = &resume {
+        records::tell_size(run);
+    }
     let rounds = match args.until {
         Some(time) => Rounds::For(time),
         None if args.loops > 1 => Rounds::Count(args.loops),
@@ -136,7 +139,7 @@ pub(crate) fn prepare(args: &RunArgs) -> Result<(RunRequest, Setup, BenchHabits)
         program: program(),
         on_fail: args.on_fail.map(OnFail::from),
         rounds,
-        resume: resume.map(|run| records::to_resume(&setup.equipment.records, run)).transpose()?,
+        resume,
         one_by_one: args.one_by_one,
         nonce: None,
         began: None,

@@ -43,6 +43,7 @@ pub(crate) fn run(run: &Path, within: &RecordsArgs, plan: Option<(&Path, Reach)>
         Ok(folder) => folder,
         Err(refused) => return refused,
     };
+    records::tell_size(&folder);
     let progress = Progress::begin("the run is worked out again");
     let done = match plan {
         None => same(&folder),

@@ -15,13 +15,13 @@ use gnc_records::store::chain::LateCloses;
 use gnc_records::store::digest::FileDigests;
 use gnc_records::store::located::located;
 use gnc_records::store::reader::{self, FoundRun, Wanted};
-use gnc_records::store::{StationKey, StoreError, chain, goes_on};
+use gnc_records::store::{JOURNAL, StationKey, StoreError, chain, goes_on};
 use gnc_text::{exact, printable};
 
 use crate::args::{RecordsCommand, RunArgs};
 use crate::outputs::may_write;
 use crate::progress::Progress;
-use crate::refusal::{CommandRefusal, refuse};
+use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::wording::{Lines, Wording, padded};
 pub(crate) use place::RecordsArgs;
 use place::RecordsPlace;
@@ -207,6 +207,23 @@ pub(crate) fn to_resume(records: &Path, named: &Path) -> Result<PathBuf, Command
         more => format!("{shown} names {more} runs"),
     };
     Err(CommandRefusal::new(what, "name one by its folder; `gnc-station records list` shows them"))
+}
+
+/// Journal of a run on whose events the work takes much memory, bytes. A journal of 106 MB takes 0.95 GB.
+const LARGE_JOURNAL: u64 = 100_000_000;
+
+/// Says that the work on a run may take much memory.
+pub(crate) fn tell_size(folder: &Path) {
+    let bytes = folder.join(JOURNAL).metadata().map_or(0, |journal| journal.len());
+    if bytes > LARGE_JOURNAL {
+        complain(
+            format_args!(
+                "the journal of this run has {} MB and the work on it may take more than 1 GB of memory",
+                bytes / 1_000_000
+            ),
+            "take a computer with more memory if this one has less",
+        );
+    }
 }
 
 /// Whether the run to take up again is of this module. An earlier version took numbers with signs that are refused today, and its

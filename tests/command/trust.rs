@@ -138,6 +138,23 @@ fn a_changed_record_is_judged_by_no_other_plan() {
     assert!(open.stdout.ends_with(last), "{}", open.stdout);
 }
 
+/// The work on a large journal takes much memory, and that is said before it begins.
+#[test]
+fn a_large_journal_is_told_before_the_work_on_it() {
+    let place = place();
+    passed(&place, "incoming.toml", "A");
+    let folder = place.runs().remove(0);
+    let again = || place.run(["recompute".as_ref(), folder.as_os_str()]);
+    let word = "the journal of this run has 100 MB and the work on it may take more than 1 GB of memory";
+    assert!(!again().stderr.contains(word));
+    // Without blocks on the disk: it is the size that counts.
+    let journal = fs::OpenOptions::new().append(true).open(folder.join("events.jsonl")).expect("a journal");
+    journal.set_len(100_000_001).expect("a sparse file");
+    let large = again();
+    assert!(large.stderr.starts_with(&format!("gnc-station: {word}")), "{}", large.stderr);
+    assert_ne!(large.code, Some(0), "zeros are no journal");
+}
+
 /// A script passes on what its scanner sends: the command line takes off and refuses what the screen does.
 #[test]
 fn a_scan_of_the_command_line_is_one_of_the_screen() {
