@@ -313,3 +313,29 @@ fn signatures_that_are_not_checked_are_named() {
     let (_, said) = asked(&kept.records(), &["--key".into(), kept.public_key.to_string_lossy().into_owned()]);
     assert!(!said.contains("was checked"), "{said}");
 }
+
+/// Folders that hold nothing are added to closed records: none of them is passed over, also with all witnesses.
+#[test]
+fn a_folder_that_holds_nothing_is_no_run() {
+    let kept = Kept::new();
+    let key = ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned()];
+    for (folder, expected) in [
+        (format!("{FAILED}/empty"), 1),
+        ("2026-11-28/x".to_owned(), 1),
+        ("2026-11-28/T-2/plan".to_owned(), 1),
+        ("2026-11-28/S-9/101010-first".to_owned(), 1),
+        // A sudden end may have left these, and the next start takes them away.
+        ("2026-11-29/x".to_owned(), 3),
+        ("2026-11-29/S-9/235959-first".to_owned(), 3),
+    ] {
+        let (_place, records) = copied(&kept);
+        fs::create_dir_all(records.join(&folder)).expect("a folder");
+        let (code, said) = asked(&records, &key);
+        assert_eq!((code, is_as_written(code, &said)), (expected, false), "{folder}: {said}");
+        if expected == 3 {
+            killed::start(&records, &kept.key());
+            let (code, said) = asked(&records, &key);
+            assert_eq!(code, 0, "{folder}: {said}");
+        }
+    }
+}

@@ -151,6 +151,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     };
     let (mut bad, mut newer, mut running, mut never_begun, mut incomplete) = (0, 0, 0, 0, 0);
     let (mut littered, mut unproved) = (0, 0);
+    let (mut bad_starts, mut cut_off) = (0, 0);
     let mut unread = UnreadTold::default();
     let mut late_closes = LateCloses::default();
     let mut books = Books::default();
@@ -183,7 +184,13 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         }
         if found.never_begun {
             never_begun += 1;
-            out.say(format_args!("{place}: {}", ReadError::NeverBegun));
+            if let Some(what) = books.of(folder).and_then(|(run, book)| book.unlike_a_cut_off_run(&run)) {
+                bad_starts += 1;
+                out.say_of(&place.to_string(), printable(&what));
+            } else {
+                cut_off += 1;
+                out.say(format_args!("{place}: {}", ReadError::NeverBegun));
+            }
             continue;
         }
         let is_unread = unread.say(&found.unread, &mut out);
@@ -286,6 +293,9 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         ));
     }
     out.say(format_args!("{whole} of {ended} runs are as written"));
+    // These are no runs.
+    bad += bad_starts;
+    incomplete += cut_off;
     if let Some(checked) = &chain {
         unread.say(&checked.unread, &mut out);
         bad += along_the_chain(checked, &mut out) + checked.litter.len();

@@ -7,7 +7,7 @@ use super::before::day_and_time;
 use super::entry::{ChainEntry, Place};
 use super::read::{MAX_COUNTER_BYTES, name_in};
 use super::snapshot::Snapshot;
-use super::{COUNTER, NOTHING, begin, contradictions, matching, places, signed, times};
+use super::{COUNTER, NOTHING, begin, contradictions, empty, matching, places, signed, times};
 use crate::store::{DIGESTS, PublicKey, StoreError, Unread, goes_on, reader};
 
 /// What the chain is compared with.
@@ -100,6 +100,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
     let closed = closed(records)?;
     let places::Strays { problems: strays, litter, notes, unread } = places::strays(records);
+    let empty = empty::empty(records);
     let book = ChainBook::read(records)?;
     let mut checked = ChainCheck {
         runs: book.lines.iter().filter(|line| line.is_close()).count(),
@@ -119,6 +120,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     matching::check(&book, &mut checked);
     book.without_line(&closed, !against.keys.is_empty(), &mut checked);
     book.counter(&mut checked);
+    book.empty_folders(&empty, &mut checked);
     checked.problems.extend(book.unlike(against.heads));
     times::check(&book, &mut checked.notes);
     signed::check(&book, against, &mut checked);
