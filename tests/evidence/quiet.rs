@@ -339,3 +339,58 @@ fn a_folder_that_holds_nothing_is_no_run() {
         }
     }
 }
+
+/// Where all findings are of one kind, what to do fits it.
+#[test]
+fn what_to_do_fits_the_findings() {
+    let kept = Kept::new();
+    let key = ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned()];
+    let copy = "try: give a copy of COUNTER with --counter FILE or number and link of the newest paper with --head";
+    let away = "try: a station did not put that there: move it away";
+    let folder = |path: &Path| {
+        fs::remove_file(path).expect("a file");
+        fs::create_dir(path).expect("a folder");
+    };
+    type Spoil<'a> = &'a dyn Fn(&Path);
+    let cases: [(&str, Spoil<'_>, &str); 4] = [
+        ("COUNTER", &|path| fs::remove_file(path).expect("a file"), copy),
+        ("COUNTER", &|path| fs::write(path, "x\n").expect("a file"), copy),
+        ("COUNTER", &folder, away),
+        ("2026-11-28/CHAIN", &folder, away),
+    ];
+    for (file, spoil, expected) in cases {
+        let (_place, records) = copied(&kept);
+        spoil(&records.join(file));
+        let (code, said) = asked(&records, &key);
+        assert!(code == 1 && said.contains(expected), "{file}: {code} {said}");
+        // Beside another finding it would mislead.
+        fs::write(records.join(FAILED).join("log.txt"), "passed").expect("a log");
+        let (code, said) = asked(&records, &key);
+        assert!(code == 1 && !said.contains(expected) && said.contains("restore changed files"), "{file}: {said}");
+    }
+    let (_place, records) = copied(&kept);
+    folder(&records.join("2026-11-28/CHAIN"));
+    let (code, said) = asked(&records, &[FAILED.to_owned()]);
+    assert!(code == 1 && said.contains(away) && !said.contains("slipped in"), "{said}");
+}
+
+/// Records from before there was a key are not called changed.
+#[test]
+fn records_without_any_signature_are_called_not_signed() {
+    let kept = Kept::new();
+    let (_place, records) = copied(&kept);
+    for path in tree(&records).expect("a tree").into_keys().filter(|path| path.ends_with("SHA256SUMS.sig")) {
+        fs::remove_file(records.join(path)).expect("a signature");
+    }
+    crate::attack::chain_anew(&records, true).expect("a chain");
+    assert_eq!(asked(&records, &[]).0, 0, "{}", asked(&records, &[]).1);
+    let key = ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned()];
+    for named in [None, Some(FAILED.to_owned())] {
+        let (code, said) = asked(&records, &key.iter().cloned().chain(named).collect::<Vec<_>>());
+        let told = "gnc-station: these records are not signed, so the key proves nothing of them\n  try: verify runs from before";
+        assert!(code == 1 && said.contains(told) && !said.contains("prove nothing"), "{said}");
+    }
+    fs::write(records.join(FAILED).join("log.txt"), "passed").expect("a log");
+    let (code, said) = asked(&records, &key);
+    assert!(code == 1 && said.contains("so they prove nothing"), "{said}");
+}

@@ -62,6 +62,7 @@ pub(crate) use links::{DayLinks, OpenRun, RunLink, is_close_signed_by, of_day, w
 pub(in crate::store) use mend::mend;
 pub(crate) use order::by_close;
 pub(crate) use read::name_in;
+pub use signed::NONE_IS_SIGNED;
 pub(crate) use signed::Witnessed;
 pub use single::is_signed_beside;
 pub(crate) use whole::WholeEnd;

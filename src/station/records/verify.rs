@@ -12,10 +12,13 @@ use gnc_records::store::reader::{self, ReadError};
 use gnc_records::store::{DIGESTS, PublicKey, Unread, may_begin};
 use gnc_text::printable;
 
+use self::findings::{Findings, PROVE_NOTHING};
 use super::{RecordsArgs, no_such, resolve_in, store_refusal};
 use crate::progress::Progress;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::wording::Lines;
+
+mod findings;
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
@@ -152,6 +155,7 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     let (mut bad, mut newer, mut running, mut never_begun, mut incomplete) = (0, 0, 0, 0, 0);
     let (mut littered, mut unproved) = (0, 0);
     let (mut bad_starts, mut cut_off) = (0, 0);
+    let mut all_findings = Findings::default();
     let mut unread = UnreadTold::default();
     let mut late_closes = LateCloses::default();
     let mut books = Books::default();
@@ -276,6 +280,10 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             out.say_of(&place.to_string(), printable(problem));
         }
         bad += usize::from(!found.problems.is_empty());
+        if let Some((_, book)) = books.of(folder).filter(|_| !found.problems.is_empty()) {
+            let is_unsigned = of_folder == 0 && !as_written::is_signed(folder);
+            all_findings.add(book, of_folder, &found.problems, is_unsigned);
+        }
         unread.runs += usize::from(is_unknown);
         littered += usize::from(found.only_litter && !is_unread && found.problems.len() == of_folder);
         newer += usize::from(whole && found.newer.is_some());
@@ -299,6 +307,9 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     if let Some(checked) = &chain {
         unread.say(&checked.unread, &mut out);
         bad += along_the_chain(checked, &mut out) + checked.litter.len();
+        if let Some((_, book)) = &books.book {
+            all_findings.add_chain(book, checked);
+        }
         littered += checked.litter.len();
         incomplete += checked.incomplete.len();
     } else if let Some((_, book)) = folders.last().and_then(|folder| books.of(folder)) {
@@ -317,6 +328,9 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             out.say_of(&out.wording.text("chain"), printable(what));
         }
         bad += checked.problems.len() + checked.litter.len();
+        if let Some((_, book)) = &books.book {
+            all_findings.add_chain(book, checked);
+        }
         littered += checked.litter.len();
         incomplete += checked.incomplete.len();
     }
@@ -337,9 +351,13 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         complain("files were added that no station writes; all files that a station wrote are as they were", try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
     }
+    if let Some((what, try_this)) = all_findings.closing(bad) {
+        complain(what, try_this);
+        return Ok(ExitCode::from(NOT_AS_WRITTEN));
+    }
     if bad > 0 {
         let try_this = "test the module of an interrupted run again; restore changed files from a backup";
-        complain("these records are not as they were written, so they prove nothing", try_this);
+        complain(PROVE_NOTHING, try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
     }
     // A start mends nothing that it cannot read, and a change may be there.

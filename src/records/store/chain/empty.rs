@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::CHAIN;
 use super::before::day_and_time;
 use super::check::{ChainBook, ChainCheck};
 use super::places;
@@ -64,7 +65,9 @@ fn left_behind(name: &str) -> String {
 }
 
 fn holds_nothing(folder: &Path) -> bool {
-    let is_folder = folder.symlink_metadata().is_ok_and(|meta| meta.is_dir()) && !is_litter_folder(folder);
+    // What stands in the place of a chain was told with the chain.
+    let is_chain = folder.file_name().is_some_and(|name| name == CHAIN);
+    let is_folder = folder.symlink_metadata().is_ok_and(|meta| meta.is_dir()) && !is_litter_folder(folder) && !is_chain;
     is_folder && fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none())
 }
 
