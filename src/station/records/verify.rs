@@ -397,6 +397,27 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     Ok(ExitCode::SUCCESS)
 }
 
+/// A run compared with its digests, its journal and the chain. Signatures are not looked at.
+pub(crate) fn check_one(run: &Path) -> Verified {
+    let mut found = as_written::check(run);
+    let mut books = Books::default();
+    if let Some(what) = against_the_chain(run, &found, &mut books).or_else(|| planted(run, &found, &mut books)) {
+        return Verified { problems: vec![what], ..Verified::default() };
+    }
+    let Some((run, book)) = books.of(run).filter(|(run, _)| !found.running && reader::is_sealed(run)) else {
+        return found;
+    };
+    match book.broke_off(&run) {
+        Some(what) => found.incomplete = Some(what),
+        None => {
+            let checked = book.of_run(&run, &Against::default());
+            found.problems.extend(checked.problems);
+            found.unread.extend(checked.unread);
+        }
+    }
+    found
+}
+
 /// What the chain says of a module or a run that the user named, beside the folders that are there.
 fn of_named(records: &Path, named: &Path) -> Option<ChainCheck> {
     // Runs are looked up by their whole paths.
