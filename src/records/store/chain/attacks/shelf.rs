@@ -193,9 +193,9 @@ impl Shelf {
     pub(super) fn remove(&self, name: &str) {
         let path = self.path().join(name);
         if path.is_dir() {
-            fs::remove_dir_all(path).unwrap()
+            fs::remove_dir_all(path).unwrap();
         } else {
-            fs::remove_file(path).unwrap()
+            fs::remove_file(path).unwrap();
         }
         self.leave_no_empty_folder(name);
     }
