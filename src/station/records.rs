@@ -25,6 +25,7 @@ use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::wording::{Lines, Wording, padded};
 pub(crate) use place::RecordsArgs;
 use place::RecordsPlace;
+pub(crate) use verify::check_one;
 
 pub(crate) fn run(what: &RecordsCommand, records: &RecordsArgs) -> ExitCode {
     let done = match what {

@@ -132,7 +132,7 @@ fn step(records: &Path, dice: &mut Dice<'_>, files: [&Path; 2], folders: [&Path;
         )
     };
     let fresh = |folder: &Path, name: &str| folder.join(name);
-    Ok(match dice.below(16) {
+    Ok(match dice.below(17) {
         0 => {
             let mut bytes = fs::read(&file)?;
             let at = dice.below(bytes.len());
@@ -223,6 +223,13 @@ fn step(records: &Path, dice: &mut Dice<'_>, files: [&Path; 2], folders: [&Path;
             let length = fs::read(&file)?.len();
             fs::write(&file, vec![0; length])?;
             named("the first file is zeros")
+        }
+        15 => {
+            let to = fresh(&folder, ["empty", "plan", "T-9", "235959-functional"][dice.below(4)]);
+            if !to.exists() {
+                fs::create_dir(&to)?;
+            }
+            named("an empty folder is added to the first folder")
         }
         14 => {
             fs::copy(&other, &file)?;

@@ -313,3 +313,84 @@ fn signatures_that_are_not_checked_are_named() {
     let (_, said) = asked(&kept.records(), &["--key".into(), kept.public_key.to_string_lossy().into_owned()]);
     assert!(!said.contains("was checked"), "{said}");
 }
+
+/// Folders that hold nothing are added to closed records: none of them is passed over, also with all witnesses.
+#[test]
+fn a_folder_that_holds_nothing_is_no_run() {
+    let kept = Kept::new();
+    let key = ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned()];
+    for (folder, expected) in [
+        (format!("{FAILED}/empty"), 1),
+        ("2026-11-28/x".to_owned(), 1),
+        ("2026-11-28/T-2/plan".to_owned(), 1),
+        ("2026-11-28/S-9/101010-first".to_owned(), 1),
+        // A sudden end may have left these, and the next start takes them away.
+        ("2026-11-29/x".to_owned(), 3),
+        ("2026-11-29/S-9/235959-first".to_owned(), 3),
+    ] {
+        let (_place, records) = copied(&kept);
+        fs::create_dir_all(records.join(&folder)).expect("a folder");
+        let (code, said) = asked(&records, &key);
+        assert_eq!((code, is_as_written(code, &said)), (expected, false), "{folder}: {said}");
+        if expected == 3 {
+            killed::start(&records, &kept.key());
+            let (code, said) = asked(&records, &key);
+            assert_eq!(code, 0, "{folder}: {said}");
+        }
+    }
+}
+
+/// Where all findings are of one kind, what to do fits it.
+#[test]
+fn what_to_do_fits_the_findings() {
+    let kept = Kept::new();
+    let key = ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned()];
+    let copy = "try: give a copy of COUNTER with --counter FILE or number and link of the newest paper with --head";
+    let away = "try: a station did not put that there: move it away";
+    let folder = |path: &Path| {
+        fs::remove_file(path).expect("a file");
+        fs::create_dir(path).expect("a folder");
+    };
+    type Spoil<'a> = &'a dyn Fn(&Path);
+    let cases: [(&str, Spoil<'_>, &str); 4] = [
+        ("COUNTER", &|path| fs::remove_file(path).expect("a file"), copy),
+        ("COUNTER", &|path| fs::write(path, "x\n").expect("a file"), copy),
+        ("COUNTER", &folder, away),
+        ("2026-11-28/CHAIN", &folder, away),
+    ];
+    for (file, spoil, expected) in cases {
+        let (_place, records) = copied(&kept);
+        spoil(&records.join(file));
+        let (code, said) = asked(&records, &key);
+        assert!(code == 1 && said.contains(expected), "{file}: {code} {said}");
+        // Beside another finding it would mislead.
+        fs::write(records.join(FAILED).join("log.txt"), "passed").expect("a log");
+        let (code, said) = asked(&records, &key);
+        assert!(code == 1 && !said.contains(expected) && said.contains("restore changed files"), "{file}: {said}");
+    }
+    let (_place, records) = copied(&kept);
+    folder(&records.join("2026-11-28/CHAIN"));
+    let (code, said) = asked(&records, &[FAILED.to_owned()]);
+    assert!(code == 1 && said.contains(away) && !said.contains("slipped in"), "{said}");
+}
+
+/// Records from before there was a key are not called changed.
+#[test]
+fn records_without_any_signature_are_called_not_signed() {
+    let kept = Kept::new();
+    let (_place, records) = copied(&kept);
+    for path in tree(&records).expect("a tree").into_keys().filter(|path| path.ends_with("SHA256SUMS.sig")) {
+        fs::remove_file(records.join(path)).expect("a signature");
+    }
+    crate::attack::chain_anew(&records, true).expect("a chain");
+    assert_eq!(asked(&records, &[]).0, 0, "{}", asked(&records, &[]).1);
+    let key = ["--key".to_owned(), kept.public_key.to_string_lossy().into_owned()];
+    for named in [None, Some(FAILED.to_owned())] {
+        let (code, said) = asked(&records, &key.iter().cloned().chain(named).collect::<Vec<_>>());
+        let told = "gnc-station: these records are not signed, so the key proves nothing of them\n  try: verify runs from before";
+        assert!(code == 1 && said.contains(told) && !said.contains("prove nothing"), "{said}");
+    }
+    fs::write(records.join(FAILED).join("log.txt"), "passed").expect("a log");
+    let (code, said) = asked(&records, &key);
+    assert!(code == 1 && said.contains("so they prove nothing"), "{said}");
+}

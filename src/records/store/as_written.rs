@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::agree;
 use super::begun;
 use super::captured::CapturedFiles;
-use super::digest::FileDigests;
+use super::digest::{Below, FileDigests};
 use super::litter::{self, is_litter};
 use super::reader::{ReadError, fold};
 use super::unread::says_nothing;
@@ -271,7 +271,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
         waiting.iter().map(|name| (pending::waiting_name(name).into(), *name)).collect();
     let mut unnamed = None;
     let mut known = HashMap::new();
-    let (files, closed) = digest::readable_below(folder)?;
+    let Below { files, mut empty, unread: closed } = digest::readable_below(folder)?;
     let below: Vec<PathBuf> = {
         let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
         closed.iter().filter_map(|one| Some(one.path.strip_prefix(&whole).ok()?.to_owned())).collect()
@@ -333,12 +333,13 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
             // A start that closes the run leaves files of strangers out: they are no reason to leave the run open.
             if is_ours {
                 added.clear();
+                empty.clear();
             }
             only_litter = problems.is_empty()
                 && promised.is_empty()
-                && !added.is_empty()
-                && added.iter().all(|file| is_litter(file));
-            problems.extend(added.iter().map(|file| litter::added(file, only_litter)));
+                && !(added.is_empty() && empty.is_empty())
+                && added.iter().chain(&empty).all(|file| is_litter(file));
+            problems.extend(added.iter().chain(&empty).map(|file| litter::added(file, only_litter)));
             problems.extend(promised.keys().map(|file| format!("{} is missing", gnc_text::shown_path(file))));
         }
     }
@@ -357,7 +358,7 @@ fn compare(folder: &Path, is_ours: bool) -> Result<Verified, StoreError> {
         }
         problems.extend(agree::unlike(folder, state, &record_sha256, &known));
     }
-    only_litter &= problems.len() == added.len();
+    only_litter &= problems.len() == added.len() + empty.len();
     Ok(Verified { problems, unread, newer, unnamed, only_litter, ..Verified::default() })
 }
 

@@ -96,6 +96,8 @@ fn seal_files(
     }
     let mut sums = FileDigests::default();
     contents.add_to(&mut sums, folder)?;
+    // A sudden end may come between the folder of an item and its first file.
+    digest::remove_empty(folder.path())?;
     if let Some(record) = &record {
         // A person had time to exchange files only where the station did not close the run itself.
         let unlike = if record.interrupted || late.is_some() { captured::unlike(folder.path())? } else { Vec::new() };

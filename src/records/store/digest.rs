@@ -95,24 +95,46 @@ impl io::Write for HashWriter<'_> {
 /// # Errors
 /// [`StoreError::File`].
 pub(crate) fn files_below(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
-    files_below_but(folder, Err)
+    Ok(below(folder, Err)?.0)
 }
 
-/// The same, and what could not be read: it hides nothing of the rest.
+/// What stands below a run's folder.
+pub(super) struct Below {
+    /// As those of [`files_below`].
+    pub(super) files: Vec<PathBuf>,
+    /// Folders that hold nothing, as sorted relative paths.
+    pub(super) empty: Vec<PathBuf>,
+    /// What could not be read: it hides nothing of the rest.
+    pub(super) unread: Vec<Unread>,
+}
+
+/// All that stands below a run's folder, as far as it can be read.
 ///
 /// # Errors
 /// As [`files_below`].
-pub(super) fn readable_below(folder: &Path) -> Result<(Vec<PathBuf>, Vec<Unread>), StoreError> {
+pub(super) fn readable_below(folder: &Path) -> Result<Below, StoreError> {
     let mut unread = Vec::new();
-    let files = files_below_but(folder, |error| Unread::of(error).map(|one| unread.push(one)))?;
-    Ok((files, unread))
+    let (files, empty) = below(folder, |error| Unread::of(error).map(|one| unread.push(one)))?;
+    Ok(Below { files, empty, unread })
 }
 
-fn files_below_but(
+/// Takes away the folders below a run's folder that hold nothing: a sudden end came before the first file of an item.
+///
+/// # Errors
+/// [`StoreError::File`].
+pub(super) fn remove_empty(folder: &Path) -> Result<(), StoreError> {
+    for empty in below(folder, Err)?.1.into_iter().map(|empty| folder.join(empty)) {
+        on(fs::remove_dir(&empty), "remove", &empty)?;
+    }
+    Ok(())
+}
+
+/// Files, and folders that hold nothing.
+fn below(
     folder: &Path,
     mut leave_out: impl FnMut(StoreError) -> Result<(), StoreError>,
-) -> Result<Vec<PathBuf>, StoreError> {
-    let mut files = Vec::new();
+) -> Result<(Vec<PathBuf>, Vec<PathBuf>), StoreError> {
+    let (mut files, mut empty) = (Vec::new(), Vec::new());
     let mut folders = vec![folder.to_owned()];
     while let Some(dir) = folders.pop() {
         let read = fs::read_dir(&dir).and_then(Iterator::collect::<io::Result<Vec<_>>>);
@@ -123,6 +145,9 @@ fn files_below_but(
                 continue;
             }
         };
+        if entries.is_empty() && dir != folder {
+            empty.extend(dir.strip_prefix(folder).map(Path::to_owned));
+        }
         for path in entries.into_iter().map(|entry| entry.path()) {
             // Links are not followed: a record holds its own files.
             let meta = match on(path.symlink_metadata(), "read", &path) {
@@ -142,7 +167,8 @@ fn files_below_but(
         }
     }
     files.sort();
-    Ok(files)
+    empty.sort();
+    Ok((files, empty))
 }
 
 /// Digests of the files of a run's folder, by their relative paths: the content of `SHA256SUMS`.

@@ -114,6 +114,7 @@ fn seal_within(records: &Path, sealer: &Sealer<'_>, time: Duration) -> Vec<Strin
             None => {}
         }
     }
+    chain::remove_empty(records);
     let (closed, open): (Vec<_>, Vec<_>) = runs.into_iter().partition(|run| run.join(DIGESTS).exists());
     let sealed_before = closed.len();
     let waiting: Vec<_> = closed.iter().filter(|run| !pending::waiting(run).is_empty()).cloned().collect();

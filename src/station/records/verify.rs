@@ -12,10 +12,13 @@ use gnc_records::store::reader::{self, ReadError};
 use gnc_records::store::{DIGESTS, PublicKey, Unread, may_begin};
 use gnc_text::printable;
 
+use self::findings::{Findings, PROVE_NOTHING};
 use super::{RecordsArgs, no_such, resolve_in, store_refusal};
 use crate::progress::Progress;
 use crate::refusal::{CommandRefusal, complain, refuse};
 use crate::wording::Lines;
+
+mod findings;
 
 /// Exit code of a verification that found something.
 const NOT_AS_WRITTEN: u8 = 1;
@@ -151,6 +154,8 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
     };
     let (mut bad, mut newer, mut running, mut never_begun, mut incomplete) = (0, 0, 0, 0, 0);
     let (mut littered, mut unproved) = (0, 0);
+    let (mut bad_starts, mut cut_off) = (0, 0);
+    let mut all_findings = Findings::default();
     let mut unread = UnreadTold::default();
     let mut late_closes = LateCloses::default();
     let mut books = Books::default();
@@ -183,7 +188,13 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         }
         if found.never_begun {
             never_begun += 1;
-            out.say(format_args!("{place}: {}", ReadError::NeverBegun));
+            if let Some(what) = books.of(folder).and_then(|(run, book)| book.unlike_a_cut_off_run(&run)) {
+                bad_starts += 1;
+                out.say_of(&place.to_string(), printable(&what));
+            } else {
+                cut_off += 1;
+                out.say(format_args!("{place}: {}", ReadError::NeverBegun));
+            }
             continue;
         }
         let is_unread = unread.say(&found.unread, &mut out);
@@ -269,6 +280,10 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             out.say_of(&place.to_string(), printable(problem));
         }
         bad += usize::from(!found.problems.is_empty());
+        if let Some((_, book)) = books.of(folder).filter(|_| !found.problems.is_empty()) {
+            let is_unsigned = of_folder == 0 && !as_written::is_signed(folder);
+            all_findings.add(book, of_folder, &found.problems, is_unsigned);
+        }
         unread.runs += usize::from(is_unknown);
         littered += usize::from(found.only_litter && !is_unread && found.problems.len() == of_folder);
         newer += usize::from(whole && found.newer.is_some());
@@ -286,9 +301,15 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         ));
     }
     out.say(format_args!("{whole} of {ended} runs are as written"));
+    // These are no runs.
+    bad += bad_starts;
+    incomplete += cut_off;
     if let Some(checked) = &chain {
         unread.say(&checked.unread, &mut out);
         bad += along_the_chain(checked, &mut out) + checked.litter.len();
+        if let Some((_, book)) = &books.book {
+            all_findings.add_chain(book, checked);
+        }
         littered += checked.litter.len();
         incomplete += checked.incomplete.len();
     } else if let Some((_, book)) = folders.last().and_then(|folder| books.of(folder)) {
@@ -307,6 +328,9 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
             out.say_of(&out.wording.text("chain"), printable(what));
         }
         bad += checked.problems.len() + checked.litter.len();
+        if let Some((_, book)) = &books.book {
+            all_findings.add_chain(book, checked);
+        }
         littered += checked.litter.len();
         incomplete += checked.incomplete.len();
     }
@@ -327,9 +351,13 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         complain("files were added that no station writes; all files that a station wrote are as they were", try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
     }
+    if let Some((what, try_this)) = all_findings.closing(bad) {
+        complain(what, try_this);
+        return Ok(ExitCode::from(NOT_AS_WRITTEN));
+    }
     if bad > 0 {
         let try_this = "test the module of an interrupted run again; restore changed files from a backup";
-        complain("these records are not as they were written, so they prove nothing", try_this);
+        complain(PROVE_NOTHING, try_this);
         return Ok(ExitCode::from(NOT_AS_WRITTEN));
     }
     // A start mends nothing that it cannot read, and a change may be there.
@@ -367,6 +395,27 @@ fn verify(records: &RecordsArgs, runs: &[PathBuf], against: &Against<'_>) -> Res
         return Ok(refuse(what, "verify them when they have ended"));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A run compared with its digests, its journal and the chain. Signatures are not looked at.
+pub(crate) fn check_one(run: &Path) -> Verified {
+    let mut found = as_written::check(run);
+    let mut books = Books::default();
+    if let Some(what) = against_the_chain(run, &found, &mut books).or_else(|| planted(run, &found, &mut books)) {
+        return Verified { problems: vec![what], ..Verified::default() };
+    }
+    let Some((run, book)) = books.of(run).filter(|(run, _)| !found.running && reader::is_sealed(run)) else {
+        return found;
+    };
+    match book.broke_off(&run) {
+        Some(what) => found.incomplete = Some(what),
+        None => {
+            let checked = book.of_run(&run, &Against::default());
+            found.problems.extend(checked.problems);
+            found.unread.extend(checked.unread);
+        }
+    }
+    found
 }
 
 /// What the chain says of a module or a run that the user named, beside the folders that are there.

@@ -85,6 +85,8 @@ pub(crate) enum Check {
 pub(crate) struct Checked {
     /// What is wrong; empty if all is as written.
     pub problems: Vec<String>,
+    /// Why it is not known to be as written, though no change was found: it cannot be read, goes on, or was not closed.
+    pub open: Vec<String>,
     /// What this version does not know in the journal of a later version. Then only the digests were compared.
     pub newer: Option<String>,
 }

@@ -355,12 +355,17 @@ fn take_records(model: &mut ScreenModel, msg: Msg) {
 /// The result of a verification in words, and how much it matters.
 pub(crate) fn checked_words(lang: Lang, checked: &Checked) -> (MessageWeight, String) {
     let texts = lang.texts();
+    let said = |said: &[String]| {
+        let said: Vec<_> = said.iter().map(|what| in_language(what, lang)).collect();
+        said.join("; ")
+    };
     match (checked.problems.as_slice(), &checked.newer) {
+        ([], _) if !checked.open.is_empty() => (MessageWeight::Warning, said(&checked.open)),
         ([], None) => (MessageWeight::Info, texts.as_written.to_owned()),
         ([], Some(unknown)) => (MessageWeight::Warning, words(texts.digests_agree, &[unknown])),
         (problems, _) => {
-            let problems: Vec<_> = problems.iter().map(|problem| in_language(problem, lang)).collect();
-            (MessageWeight::Error, format!("{}: {}", texts.not_as_written, problems.join("; ")))
+            let all = [problems, &checked.open].concat();
+            (MessageWeight::Error, format!("{}: {}", texts.not_as_written, said(&all)))
         }
     }
 }

@@ -7,8 +7,18 @@ use super::before::day_and_time;
 use super::entry::{ChainEntry, Place};
 use super::read::{MAX_COUNTER_BYTES, name_in};
 use super::snapshot::Snapshot;
-use super::{COUNTER, NOTHING, begin, contradictions, matching, places, signed, times};
+use super::{COUNTER, NOTHING, begin, contradictions, empty, matching, places, signed, times};
 use crate::store::{DIGESTS, PublicKey, StoreError, Unread, goes_on, reader};
+
+/// What to do about what stands in the place of a chain.
+const NO_CHAIN_FILE: &str = "a station did not put that there: move it away, and bring the file back from a backup";
+
+/// What to do about what stands in the place of the counter.
+const NO_COUNTER_FILE: &str =
+    "a station did not put that there: move it away; the next start makes COUNTER again from the chain";
+
+/// What to do without the counter: a tail that was cut off looks the same.
+const NO_COUNTER: &str = "give a copy of COUNTER with --counter FILE or number and link of the newest paper with --head: they show whether the newest runs are there; the next start makes COUNTER again";
 
 /// What the chain is compared with.
 #[derive(Debug, Clone, Copy, Default)]
@@ -74,12 +84,14 @@ pub struct ChainBook {
     pub(super) counted: Option<Place>,
     /// What cannot be read, or stands in the wrong place.
     pub(super) broken: Vec<String>,
+    /// Those of these sentences that tell of a chain or a counter that is not there or is none, each with what to do.
+    pub(super) without: Vec<(String, &'static str)>,
     /// Chains and the counter, as far as they could not be read.
     pub(super) unreadable: Vec<Unread>,
     /// What a sudden end left of chains and counter.
     torn: Vec<String>,
     /// Days whose chain cannot be read: what it says is not known.
-    unread: HashSet<String>,
+    pub(super) unread: HashSet<String>,
     /// Days with lines that cannot be read.
     broken_days: HashSet<String>,
 }
@@ -100,6 +112,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     // Before the chain is read: a run that is closed meanwhile stands in the chain and not here.
     let closed = closed(records)?;
     let places::Strays { problems: strays, litter, notes, unread } = places::strays(records);
+    let empty = empty::empty(records);
     let book = ChainBook::read(records)?;
     let mut checked = ChainCheck {
         runs: book.lines.iter().filter(|line| line.is_close()).count(),
@@ -119,6 +132,7 @@ pub fn verify_against(records: &Path, against: &Against<'_>) -> Result<(ChainChe
     matching::check(&book, &mut checked);
     book.without_line(&closed, !against.keys.is_empty(), &mut checked);
     book.counter(&mut checked);
+    book.empty_folders(&empty, &mut checked);
     checked.problems.extend(book.unlike(against.heads));
     times::check(&book, &mut checked.notes);
     signed::check(&book, against, &mut checked);
@@ -140,7 +154,7 @@ impl ChainBook {
         for day in snapshot.days() {
             match snapshot.chain_of(day) {
                 Err(error) => {
-                    book.leave_out(error);
+                    book.leave_out(error, |_| NO_CHAIN_FILE);
                     book.unread.insert(day.to_owned());
                 }
                 Ok(None) => {}
@@ -196,22 +210,43 @@ impl ChainBook {
             }
         }
         match snapshot.counted {
-            Ok(counted) => book.counted = counted,
+            Ok(counted) => {
+                if counted.is_none() && !book.lines.is_empty() {
+                    book.without.push((counter_is_missing(), NO_COUNTER));
+                }
+                book.counted = counted;
+                book.broken.extend(has_other_ends(records).then(|| {
+                    format!("{COUNTER} is as it was written but for its end: an editor saved the file; restore it from a backup")
+                }));
+            }
             // Nothing is written there but in one step, so only a disk that lost what it had leaves this.
             Err(_) if is_blank(records) => book.torn.push(format!(
                 "{COUNTER} is empty: its station ended, or could not write; the next start makes it again from the chain"
             )),
-            Err(error) => book.leave_out(error),
+            Err(error) => book.leave_out(error, |error| if is_no_file(error) { NO_COUNTER_FILE } else { NO_COUNTER }),
         }
         Ok(book)
     }
 
     /// Notes why a chain or the counter is not in this book.
-    fn leave_out(&mut self, error: StoreError) {
+    fn leave_out(&mut self, error: StoreError, try_this: impl FnOnce(&StoreError) -> &'static str) {
         match Unread::of(error) {
             Ok(unread) => self.unreadable.push(unread),
-            Err(error) => self.broken.push(gnc_text::with_causes(&error)),
+            Err(error) => {
+                let what = gnc_text::with_causes(&error);
+                self.without.push((what.clone(), try_this(&error)));
+                self.broken.push(what);
+            }
         }
+    }
+
+    /// What to do, if these findings tell no more than that a chain or the counter is not there or is none.
+    #[must_use]
+    pub fn try_this<'a>(&self, mut findings: impl Iterator<Item = &'a String>) -> Option<&'static str> {
+        let of =
+            |finding: &String| self.without.iter().find(|(what, _)| what == finding).map(|(_, try_this)| *try_this);
+        let first = of(findings.next()?)?;
+        findings.all(|finding| of(finding).is_some()).then_some(first)
     }
 
     /// Whether this folder has no chain at all.
@@ -401,7 +436,7 @@ impl ChainBook {
         let Some(counted) = &self.counted else {
             // What is there and cannot be read was said.
             if last.is_some() && self.records.join(COUNTER).try_exists().is_ok_and(|exists| !exists) {
-                checked.problems.push(format!("{COUNTER} is missing, so the number of runs is not known"));
+                checked.problems.push(counter_is_missing());
             }
             return;
         };
@@ -475,6 +510,21 @@ fn missing_between(before: &ChainEntry, after: &ChainEntry) -> String {
 /// Whether a line says that it follows the one at this place.
 fn is_before(line: &ChainEntry, place: &Place) -> bool {
     line.number.checked_sub(1) == Some(place.number) && line.before == place.link
+}
+
+fn counter_is_missing() -> String {
+    format!("{COUNTER} is missing, so the number of runs is not known")
+}
+
+/// Whether what stands there is no file: a folder, a link, a pipe.
+fn is_no_file(error: &StoreError) -> bool {
+    matches!(error, StoreError::File { source, .. } if gnc_files::is_refused(source).is_some())
+}
+
+/// Whether the line of the counter ends as an editor of Windows ends it.
+fn has_other_ends(records: &Path) -> bool {
+    let bytes = gnc_files::read_below(records, Path::new(COUNTER), MAX_COUNTER_BYTES);
+    bytes.is_ok_and(|bytes| bytes.contains(&b'\r'))
 }
 
 /// Whether the counter is empty, or holds zeros alone.

@@ -5,9 +5,11 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::CHAIN;
 use super::copies::{self, Copies};
 use super::read::name_in;
+use super::tail::TORN;
+use super::{CHAIN, COUNTER};
+use crate::store::folder::PART;
 use crate::store::litter::{is_litter, is_litter_folder};
 use crate::store::unread::says_nothing;
 use crate::store::{Unread, reader};
@@ -32,6 +34,7 @@ pub(super) fn strays(records: &Path) -> Strays {
     for day in entries(records, records, &mut unread, &mut problems, &mut Vec::new()) {
         let name = |path: &Path| name_in(records, path);
         if !reader::is_day(&day) {
+            problems.extend(is_beside_the_counter(&day).then(|| added(&name(&day))));
             match (copies::below(&day), is_link(&day)) {
                 // A disk has other folders, too.
                 (Copies::None, _) | (Copies::TooMany, true) => {}
@@ -93,17 +96,29 @@ fn among_runs(records: &Path, paths: &[&PathBuf], problems: &mut Vec<String>) {
     let name = |path: &Path| name_in(records, path);
     problems.extend(paths.iter().filter(|path| is_link(path)).map(|path| link(&name(path))));
     let files = paths.iter().filter(|path| !is_of_chain(path) && path.is_file() && !is_link(path));
-    let added = files.filter(|path| !is_litter(Path::new(path.file_name().unwrap_or_default())));
-    problems.extend(added.map(|path| format!("{} was added: no station writes it there", name(path))));
+    let strange = files.filter(|path| !is_litter(Path::new(path.file_name().unwrap_or_default())));
+    problems.extend(strange.map(|path| added(&name(path))));
 }
 
 fn is_link(path: &Path) -> bool {
     path.symlink_metadata().is_ok_and(|meta| meta.is_symlink())
 }
 
-/// Whether a file is one of the chain of its day.
+/// Whether a file is the chain of its day, or what a start removed of it.
 fn is_of_chain(file: &Path) -> bool {
-    file.file_stem().is_some_and(|stem| stem == CHAIN) && file.parent().is_some_and(reader::is_day)
+    file.file_name().is_some_and(|name| name == CHAIN || name == TORN) && file.parent().is_some_and(reader::is_day)
+}
+
+/// Whether a file at the top has the name of a counter and is none: a copy of it belongs in another place.
+fn is_beside_the_counter(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let of_counter = name.strip_prefix(COUNTER).and_then(|rest| rest.strip_prefix('.'));
+    of_counter.is_some_and(|rest| rest != PART) && !is_link(file) && file.is_file()
+}
+
+/// What to say of what stands where no station writes it.
+pub(super) fn added(name: &str) -> String {
+    format!("{name} was added: no station writes it there")
 }
 
 fn link(name: &str) -> String {

@@ -109,7 +109,7 @@ impl Witnessed {
 }
 
 /// What is said if there is no signature at all.
-const NONE_IS_SIGNED: &str = "no line of the chain is signed: a version before that wrote them all, there was no key, or the chain was made anew";
+pub const NONE_IS_SIGNED: &str = "no line of the chain is signed: a version before that wrote them all, there was no key, or the chain was made anew";
 
 /// Lines behind the first signed one that have no signature, and are no finding.
 #[derive(Debug, Default)]
@@ -174,6 +174,12 @@ pub(super) fn why_unsigned(book: &ChainBook, run: &str) -> Option<&'static str> 
 }
 
 impl ChainBook {
+    /// Whether there are lines, and none of them is signed.
+    #[must_use]
+    pub fn signs_nothing(&self) -> bool {
+        !self.lines.is_empty() && since(self).is_none()
+    }
+
     /// Whether the line of a run's beginning is signed: then its station had the key while it captured.
     #[must_use]
     pub fn began_signed(&self, run: &Path) -> bool {

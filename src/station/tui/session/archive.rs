@@ -9,7 +9,7 @@ use gnc_executive::standing::Standing;
 use gnc_executive::state::RunState;
 use gnc_records::standing::{Face, Seals};
 use gnc_records::store;
-use gnc_records::store::as_written::{self, Verified};
+use gnc_records::store::as_written::Verified;
 use gnc_records::store::head::RunHead;
 use gnc_records::store::reader::{self, ReadError};
 use gnc_text::with_causes;
@@ -121,15 +121,15 @@ fn unopened(error: &ReadError) -> Unopened {
 }
 
 pub(super) fn verify(path: PathBuf) -> Msg {
-    let Verified { mut problems, unread, newer, running, never_begun, incomplete, unnamed, only_litter: _ } =
-        as_written::check(&path);
-    problems.extend(unread.into_iter().map(|unread| unread.why));
-    problems.extend(incomplete);
-    problems.extend(unnamed);
-    problems.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
-    problems.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
+    let Verified { problems, unread, newer, running, never_begun, incomplete, unnamed, only_litter: _ } =
+        crate::records::check_one(&path);
+    let mut open: Vec<String> = unread.into_iter().map(|unread| unread.why).collect();
+    open.extend(incomplete);
+    open.extend(unnamed);
+    open.extend(never_begun.then(|| ReadError::NeverBegun.to_string()));
+    open.extend(running.then(|| "the run goes on, so it cannot be verified yet".to_owned()));
     let newer = newer.as_ref().and_then(ReadError::unknown).map(ToString::to_string);
-    Msg::Verified { path, checked: Checked { problems, newer } }
+    Msg::Verified { path, checked: Checked { problems, open, newer } }
 }
 
 /// Folds the record of a run again, since some of its events did not reach the screen.

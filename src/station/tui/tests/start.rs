@@ -85,7 +85,7 @@ pub(super) fn newer(scene: &mut Scene) {
     let lines = vec![super::line("DEMO-1", 5, Face::Newer), super::line("DEMO-2", 9, Face::Unreadable)];
     scene.tell(Msg::Runs(Ok(Runs { day: "2026-11-22".into(), lines, cut: false })));
     scene.tell(Msg::Opened(Err(Unopened::Newer("event `weighed`".into()))));
-    let checked = Checked { problems: Vec::new(), newer: Some("event `weighed`".into()) };
+    let checked = Checked { problems: Vec::new(), open: Vec::new(), newer: Some("event `weighed`".into()) };
     let path = "records/2026-11-22/DEMO-1/140500-functional".into();
     scene.tell(Msg::Verified { path, checked });
     scene.tell(Msg::Opened(Err(Unopened::Newer("event `weighed`".into()))));

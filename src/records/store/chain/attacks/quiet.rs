@@ -99,6 +99,19 @@ fn a_chain_that_an_editor_saved_is_one_finding() {
     }
 }
 
+/// An editor of Windows saves the counter: that is one finding, too.
+#[test]
+fn a_counter_that_an_editor_saved_is_one_finding() {
+    let shelf = Shelf::new();
+    let path = shelf.path().join("COUNTER");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text.replace('\n', "\r\n")).unwrap();
+    assert_eq!(
+        shelf.found(true, &[]),
+        ["chain: COUNTER is as it was written but for its end: an editor saved the file; restore it from a backup"]
+    );
+}
+
 /// A second line closes a run that stands under this name, as if another one had been moved there.
 #[test]
 fn a_second_close_under_the_same_name_is_found() {

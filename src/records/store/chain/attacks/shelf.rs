@@ -192,13 +192,25 @@ impl Shelf {
 
     pub(super) fn remove(&self, name: &str) {
         let path = self.path().join(name);
-        if path.is_dir() { fs::remove_dir_all(path).unwrap() } else { fs::remove_file(path).unwrap() }
+        if path.is_dir() {
+            fs::remove_dir_all(path).unwrap();
+        } else {
+            fs::remove_file(path).unwrap();
+        }
+        self.leave_no_empty_folder(name);
+    }
+
+    /// Who takes away what stood in a folder takes the folder away as well.
+    fn leave_no_empty_folder(&self, name: &str) {
+        let parents = std::path::Path::new(name).ancestors().skip(1).filter(|parent| parent.components().count() > 0);
+        let _ = parents.map(|parent| fs::remove_dir(self.path().join(parent))).take_while(Result::is_ok).count();
     }
 
     pub(super) fn rename(&self, from: &str, to: &str) {
         let to = self.path().join(to);
         fs::create_dir_all(to.parent().unwrap()).unwrap();
         fs::rename(self.path().join(from), to).unwrap();
+        self.leave_no_empty_folder(from);
     }
 
     pub(super) fn swap(&self, one: &str, other: &str) {
@@ -208,7 +220,9 @@ impl Shelf {
     }
 
     pub(super) fn link(&self, to: &str, name: &str) {
-        std::os::unix::fs::symlink(self.path().join(to), self.path().join(name)).unwrap();
+        let name = self.path().join(name);
+        fs::create_dir_all(name.parent().unwrap()).unwrap();
+        std::os::unix::fs::symlink(self.path().join(to), name).unwrap();
     }
 
     pub(super) fn copy(&self, from: &str, to: &str) {

@@ -120,3 +120,60 @@ fn a_killed_run_in_the_folder_of_another_module_is_found() {
         shelf.rename(to, &killed);
     }
 }
+
+/// Folders that hold nothing are added: in a closed run, as a module, as a run and as a day. One that a sudden end may have left is told as
+/// such, until each station began a run later.
+#[test]
+fn folders_that_hold_nothing_are_found() {
+    let shelf = Shelf::new();
+    let make = |folder: &str| fs::create_dir_all(shelf.path().join(folder)).unwrap();
+    let left = |name: &str| {
+        format!(
+            "{name} holds no run, and each station began one later, whose start removes such folders: it was added, or could not be removed"
+        )
+    };
+    let whole = shelf.path().join(RUN);
+    make(&format!("{RUN}/empty/deeper"));
+    assert_eq!(as_written::check(&whole).problems, ["empty/deeper was added"]);
+    assert_eq!(as_written::changes(&whole), Vec::<String>::new());
+    fs::remove_dir_all(whole.join("empty")).unwrap();
+    make(&format!("{RUN}/.Trash-1000"));
+    assert!(as_written::check(&whole).only_litter);
+    fs::remove_dir(whole.join(".Trash-1000")).unwrap();
+
+    for old in ["2026-11-21/x", "2026-11-20"] {
+        make(old);
+        let checked = verify(shelf.path()).unwrap();
+        assert_eq!((checked.problems, checked.incomplete), (vec![left(old)], Vec::new()));
+        fs::remove_dir(shelf.path().join(old)).unwrap();
+    }
+    make("2026-11-22/x");
+    let checked = verify(shelf.path()).unwrap();
+    let told = "2026-11-22/x holds no run: its station ended, or could not write, before a run began there; the next start removes it";
+    assert_eq!((checked.problems, checked.incomplete), (Vec::new(), vec![told.to_owned()]));
+
+    let of = |run: &str| ChainBook::read(shelf.path()).unwrap().unlike_a_cut_off_run(&shelf.path().join(run));
+    assert_eq!(of("2026-11-21/S-9/101010-first"), Some(left("2026-11-21/S-9/101010-first")));
+    assert_eq!(of("2026-11-22/A/plan").unwrap(), "2026-11-22/A/plan was added: no station writes it there");
+    assert_eq!(of("2026-11-22/S-9/235959-first"), None);
+    // A start takes away what it may.
+    super::super::remove_empty(shelf.path());
+    assert!(!shelf.path().join("2026-11-22/x").exists() && whole.exists());
+    assert_eq!(verify(shelf.path()).unwrap().incomplete, Vec::<String>::new());
+}
+
+/// Beside the chain of a day stands what a start removed of it, and beside the counter its part. Other names are those of strangers.
+#[test]
+fn only_files_of_the_chain_itself_have_its_name() {
+    let shelf = Shelf::new();
+    for file in ["2026-11-21/CHAIN.torn", "COUNTER.part"] {
+        fs::write(shelf.path().join(file), "x").unwrap();
+    }
+    assert_eq!(verify(shelf.path()).unwrap().problems, Vec::<String>::new());
+    for file in ["2026-11-21/CHAIN.old", "COUNTER.kept"] {
+        fs::write(shelf.path().join(file), "x").unwrap();
+        let told = format!("{file} was added: no station writes it there");
+        assert_eq!(verify(shelf.path()).unwrap().problems, [told]);
+        fs::remove_file(shelf.path().join(file)).unwrap();
+    }
+}

@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::{open, runs};
 use crate::tui::Lang;
+use crate::tui::model::MessageWeight;
 use crate::tui::records::word;
 
 const DAY: &str = "2026-11-23";
@@ -200,4 +201,44 @@ fn each_state_has_one_word_on_all_faces() {
         assert_eq!(counted, state.shift, "{name}");
         drop(held);
     }
+}
+
+/// A verification on the screen looks at the chain as the command does, and calls changed only what was changed.
+#[test]
+fn a_verification_tells_changes_from_what_is_not_known() {
+    let sha256 = digest::of_plan([("functional.toml", PLAN.as_bytes())].into_iter());
+    let ended = State {
+        name: "ended",
+        header: json!({ "plan": { "name": "functional", "version": "1", "sha256": sha256 } }),
+        ends: Some("passed"),
+        then: |_| {},
+        listed: "",
+        screen: "",
+        shift: None,
+    };
+    let place = tempfile::tempdir().expect("a folder");
+    let (run, held) = record(place.path(), &ended);
+    assert!(held.is_none());
+    let said = |run: &Path| {
+        let crate::tui::update::Msg::Verified { checked, .. } = super::verify(run.to_owned()) else {
+            unreachable!("another message")
+        };
+        crate::tui::update::checked_words(Lang::En, &checked)
+    };
+    assert_eq!(said(&run), (MessageWeight::Info, "as written: digests and journal agree".to_owned()));
+    let chain = place.path().join(DAY).join("CHAIN");
+    let text = fs::read_to_string(&chain).expect("a chain");
+    let begin: String = text.lines().take(1).map(|line| format!("{line}\n")).collect();
+    fs::write(&chain, &begin).expect("a chain");
+    let (weight, what) = said(&run);
+    assert!(weight == MessageWeight::Warning && what.contains("is not in the chain: its station ended"), "{what}");
+    fs::remove_file(&chain).expect("a chain");
+    fs::create_dir(&chain).expect("a folder");
+    let (weight, what) = said(&run);
+    assert!(weight == MessageWeight::Error && what.contains("CHAIN: it is a folder"), "{what}");
+
+    let place = tempfile::tempdir().expect("a folder");
+    let (run, _held) = record(place.path(), &State { name: "going on", ends: None, ..ended });
+    let told = "the run goes on, so it cannot be verified yet".to_owned();
+    assert_eq!(said(&run), (MessageWeight::Warning, told));
 }
