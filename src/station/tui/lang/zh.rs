@@ -78,6 +78,7 @@ pub(super) static TEXTS: Texts = Texts {
     rejudged: "重新判定",
     rejudged_short: "重",
     rejudged_long: "重新判定（{} 的采样）：模块没有重新测试",
+    closed_late: "事后封存",
     late: "事后封存",
     late_short: "迟",
     late_long: "事后封存（测试台在此之前已结束或无法写入）：永不算合格",
