@@ -59,6 +59,14 @@ fn the_holder_of_a_port_does_not_take_in_the_hint() {
     }
 }
 
+/// One word for a plan. Only the verb "planned" is another.
+#[test]
+fn a_plan_has_one_word_in_chinese() {
+    for sentence in all() {
+        assert!(!sentence.zh.replace("被计划", "").contains("计划"), "{:?}: {}", sentence.id, sentence.zh);
+    }
+}
+
 #[test]
 fn a_number_is_no_more_than_a_number() {
     for text in ["calibration 1.0, imu", "calibration , imu", "calibration e1 imu"] {

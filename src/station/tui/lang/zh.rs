@@ -367,7 +367,7 @@ fn key(action: KeyAction) -> KeyText {
         KeyAction::Verify => ("核对", "将运行记录与其摘要和日志核对。"),
         KeyAction::Redraw => ("重画", "重画屏幕，如果被其他内容覆盖。"),
         KeyAction::Filter => ("筛选", "只显示一种结果的运行。"),
-        KeyAction::LookAgain => ("重新检查", "重新读取计划和台架，并显示其错误。"),
+        KeyAction::LookAgain => ("重新检查", "重新读取方案和台架，并显示其错误。"),
         KeyAction::Reload => ("刷新", "重新读取记录。"),
         KeyAction::Up => ("上", "上移一行。"),
         KeyAction::Down => ("下", "下移一行。"),

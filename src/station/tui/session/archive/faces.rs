@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use gnc_executive::event::{BenchKind, Event};
 use gnc_executive::plan::Plan;
 use gnc_records::shift::{ShiftBook, ShiftOf};
-use gnc_records::standing::Face;
 use gnc_records::store::{RecordWriter, RunFolder, digest, reader};
 use serde_json::json;
 
