@@ -177,7 +177,9 @@ impl Phrases {
     fn translated_anew(&self, text: &str, budget: &mut Budget<'_>) -> Option<String> {
         let whole = self.whole(text, budget.tries);
         // A value at the end of a sentence could take in the cause behind it.
-        let takes_more = whole.as_ref().is_some_and(|(entry, values)| entry.english.takes_joint(values));
+        let takes_more = whole.as_ref().is_some_and(|(entry, values)| {
+            entry.english.takes_joint(values) || self.joins_more(entry, values, budget.tries)
+        });
         let parts = if whole.is_none() || takes_more { self.in_parts(text, budget) } else { None };
         match (whole, parts) {
             (Some(_), Some(Parts { text, known: true, .. })) | (None, Some(Parts { text, .. })) => Some(text),
@@ -186,6 +188,15 @@ impl Phrases {
             (Some((entry, values)), _) => Some(self.filled(entry, &values, budget)),
             (None, None) => None,
         }
+    }
+
+    /// Whether the form begins with a place for a sentence, and more than one sentence stands in it: a form such as "A; then B"
+    /// would take a part of the hint behind A for A.
+    fn joins_more(&self, entry: &Entry, values: &[&str], tries: &mut Tries) -> bool {
+        let first = entry.english.sentence_at_begin(values).filter(|first| first.contains("; "));
+        first.is_some_and(|first| {
+            self.whole(first, tries).is_none_or(|(entry, values)| entry.english.takes_joint(&values))
+        })
     }
 
     /// The text as one sentence: of all that fit, the one with the most words of its own. `None` also if the tries are spent
@@ -197,7 +208,7 @@ impl Phrases {
         for index in candidates.into_iter().flatten().flatten() {
             let entry = &self.entries[*index];
             if let Some(values) = entry.english.values(text, tries)
-                && best.as_ref().is_none_or(|(best, _)| entry.english.own_bytes() >= best.english.own_bytes())
+                && best.as_ref().is_none_or(|(best, _)| entry.english.weight() >= best.english.weight())
             {
                 best = Some((entry, values));
             }

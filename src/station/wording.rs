@@ -62,6 +62,8 @@ impl Wording {
     /// Keeps what people named in a run, and the names of its items and measurements.
     pub(crate) fn keep_names_of(&mut self, run: &RunRecord) {
         self.keep([run.serial_number.as_str(), &run.plan.name, &run.station]);
+        let plan = &run.plan;
+        self.keep([format!("{} {}, SHA-256 {}", plan.name, plan.version, plan.sha256).as_str()]);
         self.keep(run.operator.as_deref());
         self.keep(run.board.iter().map(|board| board.board_serial.as_str()));
         for item in &run.items {

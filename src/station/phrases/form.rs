@@ -69,6 +69,12 @@ impl Form {
         self.begin.len() + self.places.iter().map(|place| place.then.len()).sum::<usize>()
     }
 
+    /// How much of a text the form tells: whether it begins with the indent of a line, which no sentence has; its own words; and
+    /// among equals those at the beginning, since places at both ends take anything.
+    pub(super) fn weight(&self) -> (bool, usize, usize) {
+        (self.begin.starts_with("  "), self.own_bytes(), self.begin.len())
+    }
+
     /// The word that each text of this form begins with; empty if a place may change it.
     pub(super) fn first_word(&self) -> &'static str {
         match self.begin.split_once(' ') {
@@ -132,6 +138,12 @@ impl Form {
         self.places.iter().zip(values).any(|(place, value)| place.kind == PlaceKind::Text && has_joint(value))
     }
 
+    /// The value of a place for a sentence with which the form begins.
+    pub(super) fn sentence_at_begin<'a>(&self, values: &[&'a str]) -> Option<&'a str> {
+        let place = self.places.first().filter(|place| self.begin.is_empty() && place.kind == PlaceKind::Sentence);
+        place.and_then(|_| values.first().copied())
+    }
+
     /// The value of a place, and its kind.
     pub(super) fn value<'a>(&self, name: &str, values: &[&'a str]) -> Option<(&'a str, PlaceKind)> {
         let index = self.places.iter().position(|place| place.name == name)?;
@@ -159,7 +171,12 @@ fn takes(kind: PlaceKind, value: &str) -> bool {
         // A value is one line; what follows on the next is another sentence.
         PlaceKind::Text | PlaceKind::Own => !value.contains('\n'),
         PlaceKind::Name => !value.contains('\n') && !has_joint(value),
-        PlaceKind::Number => value.bytes().any(|byte| byte.is_ascii_digit()) && value.bytes().all(in_number),
+        // What stands behind a number, such as a comma, is no part of it.
+        PlaceKind::Number => {
+            value.bytes().all(in_number)
+                && value.bytes().next_back().is_some_and(|byte| byte.is_ascii_digit())
+                && !value.starts_with([',', 'e'])
+        }
         PlaceKind::Sentence => !value.is_empty(),
     }
 }

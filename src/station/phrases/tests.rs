@@ -11,7 +11,7 @@ fn zh(text: &str) -> Cow<'_, str> {
 fn a_sentence_has_its_values_where_the_language_has_them() {
     assert_eq!(
         zh("port /dev/ttyUSB0 is in use by minicom (process 12)"),
-        "端口 /dev/ttyUSB0 正被minicom (process 12)占用"
+        "端口 /dev/ttyUSB0 正被 minicom (process 12) 占用"
     );
     assert_eq!(zh("port /dev/ttyUSB0 is in use by another program"), "端口 /dev/ttyUSB0 正被另一个程序占用");
     assert_eq!(
@@ -29,6 +29,59 @@ fn causes_and_hints_behind_a_sentence_are_translated_too() {
         ),
         "板卡不应答 HELLO：2511 ms 内询问 10 次；也没有收到它的其他数据；检查板卡电源、两对线（A、B 是否接反？）和波特率"
     );
+}
+
+/// A hint stands behind "try:" on a line of its own. Its "; then" joins no two runs.
+#[test]
+fn each_hint_behind_try_is_whole() {
+    for lang in [Lang::Zh, Lang::Ru] {
+        let before = if lang == Lang::Zh { "  可尝试：" } else { "  попробуйте: " };
+        for sentence in
+            all().iter().filter(|sentence| sentence.id.1.ends_with("_try") && !sentence.en.contains("try: "))
+        {
+            let hint = made(&Form::read(sentence.en).unwrap_or_default());
+            let expected = format!("{before}{}", in_language(&hint, lang));
+            assert_eq!(in_language(&format!("  try: {hint}"), lang), expected, "{:?}", sentence.id);
+        }
+    }
+}
+
+#[test]
+fn the_holder_of_a_port_does_not_take_in_the_hint() {
+    let hint = "wait until that program ends, or end it; then start again";
+    for lang in [Lang::Zh, Lang::Ru] {
+        for holder in ["gnc-station (process 982)", "another program"] {
+            let busy = format!("port /dev/pts/2 is in use by {holder}");
+            let between = if lang == Lang::Zh { "；" } else { "; " };
+            let expected = format!("{}{between}{}", in_language(&busy, lang), in_language(hint, lang));
+            assert_eq!(in_language(&format!("{busy}; {hint}"), lang), expected);
+        }
+    }
+}
+
+/// One word for a plan. Only the verb "planned" is another.
+#[test]
+fn a_plan_has_one_word_in_chinese() {
+    for sentence in all() {
+        assert!(!sentence.zh.replace("被计划", "").contains("计划"), "{:?}: {}", sentence.id, sentence.zh);
+    }
+}
+
+#[test]
+fn a_number_is_no_more_than_a_number() {
+    for text in ["calibration 1.0, imu", "calibration , imu", "calibration e1 imu"] {
+        assert_eq!(zh(text), text);
+    }
+    assert_eq!(zh("calibration 1.0 still"), "第 1.0 次标定 静止");
+}
+
+/// With no question behind it, as in the lines of a run without a screen.
+#[test]
+fn what_is_still_to_capture_is_told_with_and_without_a_question() {
+    let text = "Taken over from the interrupted run: p0, p1. Still to capture: p2, p3.";
+    assert_eq!(zh(text), "沿用中断运行的采集：p0, p1。尚待采集：p2, p3。");
+    let asked = zh("Taken over from the interrupted run: p0. Still to capture: p2. a question").into_owned();
+    assert_eq!(asked, "沿用中断运行的采集：p0。尚待采集：p2。a question");
 }
 
 /// A value at the end of a sentence ends before the cause.

@@ -131,6 +131,7 @@ pub(crate) struct Texts {
     pub rejudged: &'static str,
     pub rejudged_short: &'static str,
     pub rejudged_long: &'static str,
+    pub closed_late: &'static str,
     pub late: &'static str,
     pub late_short: &'static str,
     pub late_long: &'static str,

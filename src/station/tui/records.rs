@@ -26,6 +26,8 @@ pub(crate) struct Day {
 /// What a run is called in a list, in a word.
 pub(crate) fn word(face: Face, texts: &Texts) -> &'static str {
     match face {
+        // Nothing in a list reads as a pass that is none.
+        Face::Late(verdict) if verdict.of_items().is_good() => texts.closed_late,
         Face::Ended(verdict) | Face::Late(verdict) => texts.word_of(verdict),
         Face::Interrupted => texts.interrupted,
         Face::NotInChain(_) => texts.not_in_chain,

@@ -422,6 +422,21 @@ fn a_lost_record_is_no_pass() {
     assert!(scene.text().contains("no space left"), "{}", scene.text());
 }
 
+/// The screen says the same as the lines without it when a run was not begun.
+#[test]
+fn a_run_that_was_not_begun_is_not_called_a_lost_record() {
+    let why = "ERRORED: this run is not a pass, because its record could not be begun: x; nothing was tested";
+    for lang in Lang::ALL {
+        let mut scene = scene(lang);
+        scene.start("DEMO-1");
+        scene.tell(Msg::RunOver { verdict: None, store_error: Some(format!("{why}\ny")), refusal: None });
+        let told = scene.model.unrecorded.clone().unwrap_or_default();
+        let expected = format!("{}; y", crate::phrases::in_language(why, lang));
+        assert_eq!(told, expected, "{lang:?}");
+        assert_eq!(told.contains("nothing was tested"), lang == Lang::En, "{told}");
+    }
+}
+
 /// That records cannot be written stays in sight until one is written, whatever else is told, scanned or tested.
 #[test]
 fn a_lost_record_is_told_until_one_is_written() {

@@ -77,6 +77,7 @@ pub(super) static TEXTS: Texts = Texts {
     rejudged: "RE-JUDGED",
     rejudged_short: "RJ",
     rejudged_long: "RE-JUDGED (samples of {}): the module was not tested again",
+    closed_late: "closed late",
     late: "CLOSED LATE",
     late_short: "LC",
     late_long: "CLOSED LATE (its station ended, or could not write): this is never a pass",

@@ -78,6 +78,7 @@ pub(super) static TEXTS: Texts = Texts {
     rejudged: "ПЕРЕОЦЕНКА",
     rejudged_short: "ПЕР",
     rejudged_long: "ПЕРЕОЦЕНКА (отсчёты {}): модуль заново не проверялся",
+    closed_late: "закр. позже",
     late: "ЗАКРЫТ ПОЗЖЕ",
     late_short: "ПОЗ",
     late_long: "ЗАКРЫТ ПОЗЖЕ (станция остановилась или не смогла записать): не годен",

@@ -18,6 +18,7 @@ use tokio::sync::mpsc;
 
 use super::files::{Held, NOT_HELD};
 use super::told::Told;
+use crate::auto::not_kept;
 use crate::refusal::CommandRefusal;
 use crate::setup::Setup;
 use crate::tui::model::{AfterFailure, RoundsSetting};
@@ -177,7 +178,12 @@ impl Observer for Shown {
             let _ = self.screen.try_send(Msg::Strangers(format!("{what}; {hint}")));
         }
         if let Some(error) = &ending.store_error {
-            self.store_error = Some(format!("{}; {}", with_causes(error), error.try_this()));
+            let hint = error.try_this();
+            self.store_error = Some(match not_kept(folder, ending.begun, error) {
+                // The hint stands on a line of its own.
+                Some(whole) => format!("{whole}\n{hint}"),
+                None => format!("{}; {hint}", with_causes(error)),
+            });
         }
     }
 }

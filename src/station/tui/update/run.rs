@@ -179,7 +179,11 @@ pub(super) fn over(
         model.run = None;
     }
     if let Some(error) = store_error {
-        model.unrecorded = Some(words(texts.store_error, &[&in_language(&error, lang)]));
+        model.unrecorded = Some(match error.split_once('\n') {
+            // A run that was not begun, or whose folder is gone, has a sentence of its own, and its hint behind it.
+            Some((whole, hint)) => [whole, hint].map(|text| in_language(text, lang)).join("; "),
+            None => words(texts.store_error, &[&in_language(&error, lang)]),
+        });
     } else if recorded {
         model.unrecorded = None;
     }
