@@ -91,7 +91,10 @@ fn show(folder: &Path) -> ExitCode {
             let is_closed = run.interrupted || goes_on(folder) || reader::is_sealed(folder) && !lacks();
             let face = face(folder, &run);
             let is_changed = face == Some(Face::Changed);
-            let is_proved = late.is_none() && is_closed && !is_changed && !matches!(face, Some(Face::NotInChain(_)));
+            let is_proved = late.is_none()
+                && is_closed
+                && !is_changed
+                && !matches!(face, Some(Face::NotInChain(_) | Face::Unreadable));
             let run = if is_proved { run } else { run.not_closed() };
             if is_changed {
                 out.say("CHANGED: this record is not as it was closed and nothing that it says is proved");
