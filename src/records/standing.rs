@@ -48,6 +48,8 @@ pub fn read(records: &Path, question: &Question<'_>, keys: &[PublicKey]) -> Resu
     if !records.exists() {
         return Ok(standing);
     }
+    // A failed run may lie in a folder that cannot be read.
+    reader::check_readable(records, question.serial_number)?;
     let mut seals = Seals::new(records).with_keys(keys);
     let Closed { counted, later, mut missing } = closed(records, question, &mut seals)?;
     missing.extend(gone(records, question, counted.as_ref().map(|(number, ..)| *number), &mut seals)?);
@@ -342,7 +344,12 @@ fn past(folder: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result
         return Ok(Some(PastRun { is_broken, ..nameless(folder, question, flaw) }));
     }
     if !is_named {
-        return Ok(None);
+        // Two serial numbers may share one folder, and some file systems ignore the case of letters. The station files no run of a
+        // third one there: it took the place of another.
+        let of = folder.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
+        let is_of_folder = reader::folders_of(&facts.serial_number).iter().any(|name| name.eq_ignore_ascii_case(&of));
+        let swapped = || PastRun { is_broken: true, ..nameless(folder, question, Flaw::Changed) };
+        return Ok((!is_of_folder).then(swapped));
     }
     let mut flaws = facts.flaws(question);
     if let Some(flaw) = kept {

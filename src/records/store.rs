@@ -33,7 +33,7 @@ mod record_writer;
 mod recovery;
 mod staying;
 mod tally;
-mod unread;
+pub(crate) mod unread;
 
 use std::io;
 use std::path::{Path, PathBuf};

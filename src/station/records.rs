@@ -93,7 +93,10 @@ fn show(folder: &Path, progress: Progress) -> ExitCode {
             let is_closed = run.interrupted || goes_on(folder) || reader::is_sealed(folder) && !lacks();
             let face = face(folder, &run);
             let is_changed = face == Some(Face::Changed);
-            let is_proved = late.is_none() && is_closed && !is_changed && !matches!(face, Some(Face::NotInChain(_)));
+            let is_proved = late.is_none()
+                && is_closed
+                && !is_changed
+                && !matches!(face, Some(Face::NotInChain(_) | Face::Unreadable));
             let run = if is_proved { run } else { run.not_closed() };
             let place = chain::place_of(folder).ok().flatten();
             let digest = FileDigests::read(folder).ok().map(|(sums, _)| sums.of_record());

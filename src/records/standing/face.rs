@@ -36,6 +36,7 @@ impl Face {
         let Ok(run) = &found.run else { return Self::of_state(found.state()) };
         match (found.state(), seal) {
             (Found::Running, _) => Self::Running,
+            (_, Seal::Flawed(Flaw::Unreadable)) => Self::Unreadable,
             _ if is_broken => Self::Changed,
             (Found::Closed, Seal::Flawed(Flaw::ClosedLate)) => Self::Late(run.verdict),
             (Found::Closed, Seal::Flawed(Flaw::NotInChain)) => Self::NotInChain(run.verdict),
@@ -81,6 +82,7 @@ impl Seals<'_> {
             Face::NotInChain(_) => Some(Seal::Flawed(Flaw::NotInChain)),
             Face::Changed => Some(Seal::Flawed(Flaw::Changed)),
             Face::Running if found.state() == Found::Closed => Some(Seal::Flawed(Flaw::UnderWay)),
+            Face::Unreadable if found.run.is_ok() => Some(Seal::Flawed(Flaw::Unreadable)),
             Face::Running | Face::Interrupted | Face::Unsealed | Face::Newer | Face::Unreadable => None,
         })
     }

@@ -8,6 +8,7 @@ use gnc_executive::standing::{Flaw, Seal};
 use crate::store::chain::{DayLinks, OpenRun, RunLink, WholeEnd, Witnessed};
 use crate::store::digest::{self, FileDigests, MAX_DIGESTS_BYTES};
 use crate::store::reader::{MAX_JOURNAL_BYTES, MAX_RECORD_BYTES};
+use crate::store::unread::says_nothing;
 use crate::store::{self, DIGESTS, JOURNAL, PublicKey, RECORD, StoreError, as_written, chain, pending, reader};
 
 /// How records are kept, by the chains of their days. Each chain is read once.
@@ -53,6 +54,9 @@ impl<'a> Seals<'a> {
             }
         }
         let Some(link) = self.day(&day)?.find(&name) else { return Ok(Seal::Flawed(Flaw::NotInChain)) };
+        if is_unreadable(run) {
+            return Ok(Seal::Flawed(Flaw::Unreadable));
+        }
         let sums = digest::of_file_within(&run.join(DIGESTS), MAX_DIGESTS_BYTES);
         let as_closed = link.is_sound && sums.is_ok_and(|sums| sums == link.digest) && {
             let promised = FileDigests::read(run).map(|(sums, _)| sums).unwrap_or_default();
@@ -133,10 +137,10 @@ impl<'a> Seals<'a> {
     }
 
     /// Whether the record of a run is known to be another one than was closed, or began: the chain names it, and its digests are
-    /// others or gone, or its journal begins otherwise.
+    /// others or gone, or its journal begins otherwise. One that cannot be compared may be another one, so it counts as such.
     pub(super) fn is_broken(&mut self, run: &Path, seal: Seal) -> Result<bool, StoreError> {
         Ok(match seal {
-            Seal::Flawed(Flaw::Changed) => true,
+            Seal::Flawed(Flaw::Changed | Flaw::Unreadable) => true,
             Seal::Flawed(Flaw::NotClosed) => self.number(run)?.is_some() || self.began_otherwise(run)?,
             Seal::Flawed(_) | Seal::Chained => false,
         })
@@ -183,4 +187,10 @@ impl<'a> Seals<'a> {
         }
         Ok(self.days.entry(day.to_owned()).or_default())
     }
+}
+
+/// Whether a file that tells how a run is kept cannot be read, so that nothing is known of it.
+fn is_unreadable(run: &Path) -> bool {
+    let opened = |file: &str| gnc_files::own(&pending::path(run, file));
+    [DIGESTS, RECORD, JOURNAL].into_iter().any(|file| opened(file).is_err_and(|error| says_nothing(&error)))
 }

@@ -13,6 +13,7 @@ mod apart;
 mod hidden;
 mod holes;
 mod signed;
+mod unreadable;
 
 use super::*;
 use crate::store::chain::LateClose;

@@ -13,6 +13,7 @@ use gnc_executive::state::RunState;
 
 use super::begun::was_never_begun;
 use super::litter::is_litter_folder;
+use super::unread::says_nothing;
 use super::{DIGESTS, JOURNAL, PLAN, RECORD, StoreError, UNASSIGNED, chain, goes_on, name, on, pending};
 
 /// Longest journal that is read: a thousand hours of a very verbose bench. A longer file is not a journal of this
@@ -387,6 +388,25 @@ pub(crate) fn folders_of(serial_number: &str) -> Vec<String> {
 }
 
 /// Runs in the folders of a module on a day, oldest first.
+/// Whether the folders of a module, and those of the runs that stand apart, can be read on each day. One that is not there, or is no
+/// folder, has no runs.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub(crate) fn check_readable(records: &Path, serial_number: &str) -> Result<(), StoreError> {
+    let mut names = folders_of(serial_number);
+    names.push(UNASSIGNED.to_owned());
+    for day in folders(records)?.iter().filter(|day| is_day(day)) {
+        for name in &names {
+            match folders(&day.join(name)) {
+                Err(StoreError::File { source, .. }) if !says_nothing(&source) => {}
+                other => drop(other?),
+            }
+        }
+    }
+    Ok(())
+}
+
 fn runs_of_module(day: &Path, serial_number: &str) -> Vec<PathBuf> {
     let of_both = folders_of(serial_number).into_iter().map(|name| folders(&day.join(name)).unwrap_or_default());
     let mut runs: Vec<PathBuf> = of_both.flatten().collect();

@@ -92,8 +92,8 @@ fn worth(found: &FoundRun, kept: Option<Seal>) -> Option<&'static str> {
 /// The verdict of a closed run, else the state of its folder. A pass that counts for nothing is called what it is: who
 /// looks for passes must find no other. So is a run that was changed, whatever it says.
 fn word(found: &FoundRun, kept: Option<Seal>) -> &'static str {
-    let counts_for_nothing =
-        verdict(found).is_none_or(Verdict::passes_module) || kept == Some(Seal::Flawed(Flaw::Changed));
+    let counts_for_nothing = verdict(found).is_none_or(Verdict::passes_module)
+        || matches!(kept, Some(Seal::Flawed(Flaw::Changed | Flaw::Unreadable)));
     let worth = worth(found, kept).filter(|_| counts_for_nothing);
     worth.unwrap_or_else(|| verdict(found).map_or_else(|| found.state().as_str(), Verdict::as_str))
 }

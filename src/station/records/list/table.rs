@@ -74,7 +74,18 @@ pub(super) fn seal_word(kept: Seal) -> Option<&'static str> {
         Seal::Flawed(Flaw::NotInChain) => Some("not_in_chain"),
         Seal::Flawed(Flaw::ClosedLate) => Some("closed_late"),
         Seal::Flawed(Flaw::UnderWay | Flaw::NotClosed) => None,
+        Seal::Flawed(Flaw::Unreadable) => Some("unreadable"),
         Seal::Flawed(_) => Some("changed"),
+    }
+}
+
+/// The chain says of a changed run that it was closed, whatever its journal says now. Of one whose record or digests cannot be read
+/// nothing is known.
+fn state(found: &FoundRun, kept: Option<Seal>) -> Found {
+    match kept {
+        Some(Seal::Flawed(Flaw::Changed)) => Found::Closed,
+        Some(Seal::Flawed(Flaw::Unreadable)) => Found::Unreadable,
+        _ => found.state(),
     }
 }
 
@@ -90,8 +101,7 @@ impl<'a> Line<'a> {
         };
         Self {
             run: found.place(records),
-            // The chain says of a changed run that it was closed, whatever its journal says now.
-            state: if kept == Some(Seal::Flawed(Flaw::Changed)) { Found::Closed } else { found.state() }.as_str(),
+            state: state(found, kept).as_str(),
             outcome: tested.and_then(Verdict::of_module),
             selection_outcome: tested.and_then(Verdict::of_selection),
             rejudged_outcome: rejudged.map(Verdict::of_items),
