@@ -21,11 +21,12 @@ use gnc_executive::event::BenchKind;
 use gnc_executive::outcome::Outcome;
 use gnc_executive::plan::OnFail;
 use gnc_executive::verdict::Verdict;
-use gnc_records::store::{RunFolder, StoreError, Watcher, as_written};
+use gnc_records::store::{RunFolder, Watcher, as_written};
 use gnc_text::{printable, with_causes};
 
 use crate::args::RunArgs;
 use crate::hook::Hooks;
+use crate::lost::not_kept;
 use crate::phrases::in_language;
 use crate::progress::Progress;
 use crate::refusal::{CommandRefusal, complain, refuse};
@@ -236,11 +237,9 @@ pub(crate) async fn all_rounds(
     let serial_number = printable(&request.serial_number);
     if !records.exists() {
         // A folder that is not there holds no run, also not the one that was just carried out.
+        let why = format!("the records folder {} is gone", gnc_text::shown_path(&records));
         complain(
-            format_args!(
-                "the standing of {serial_number} is not known: the records folder {} is gone",
-                gnc_text::shown_path(&records)
-            ),
+            format_args!("the standing of {serial_number} is not known: {why}"),
             "bring the records folder back to its place, or mount its disk again",
         );
         return Ok(done.verdict());
@@ -261,22 +260,6 @@ pub(crate) async fn all_rounds(
 fn counts(ends: &[Verdict]) -> String {
     let each = Verdict::counts(ends).into_iter().map(|(verdict, count)| format!("{count} {verdict}"));
     each.collect::<Vec<_>>().join(", ")
-}
-
-/// What to say of a run whose record could not be written and is not there: it was not begun, or its folder is gone since.
-pub(crate) fn not_kept(folder: &Path, begun: bool, error: &StoreError) -> Option<String> {
-    let why = with_causes(error);
-    match (folder.exists(), begun) {
-        (true, _) => None,
-        // The chain could not take up that the run begins, so it did not.
-        (false, false) => Some(format!(
-            "ERRORED: this run is not a pass, because its record could not be begun: {why}; nothing was tested"
-        )),
-        (false, true) => Some(format!(
-            "ERRORED: this run is not a pass, because its record could not be written: {why}; its folder {} is gone",
-            gnc_text::shown_path(folder)
-        )),
-    }
 }
 
 /// The refusal of a request that the service does not carry out.
@@ -332,23 +315,5 @@ impl Observer for Shown<'_> {
         {
             complain(why, "");
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// No sentence sends people to a folder that is not there.
-    #[test]
-    fn a_record_that_is_not_there_is_not_pointed_at() {
-        let records = tempfile::tempdir().expect("a folder");
-        let gone = records.path().join("gone");
-        let error = StoreError::Closed { why: "x".into() };
-        assert_eq!(not_kept(records.path(), true, &error), None);
-        let lost = not_kept(&gone, true, &error).expect("a sentence");
-        assert!(lost.ends_with("is gone") && lost.contains("could not be written"), "{lost}");
-        let never = not_kept(&gone, false, &error).expect("a sentence");
-        assert!(never.ends_with("nothing was tested") && never.contains("could not be begun"), "{never}");
     }
 }

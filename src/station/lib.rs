@@ -17,6 +17,7 @@ mod files;
 mod help_files;
 mod hook;
 mod locale;
+mod lost;
 mod outputs;
 mod phrases;
 mod ports;

@@ -18,7 +18,7 @@ use tokio::sync::mpsc;
 
 use super::files::{Held, NOT_HELD};
 use super::told::Told;
-use crate::auto::not_kept;
+use crate::lost::not_kept;
 use crate::refusal::CommandRefusal;
 use crate::setup::Setup;
 use crate::tui::model::{AfterFailure, RoundsSetting};
