@@ -25,6 +25,7 @@ pub use face::Face;
 pub use seals::Seals;
 
 use crate::store::chain::OpenRun;
+use crate::store::reader::Wanted;
 use crate::store::{self, JOURNAL, MAX_FIRST_EVENT_BYTES, PublicKey, RECORD, StoreError, chain, name, reader};
 
 /// Most closed runs of a module whose records are opened to find one that counts: more than a socket can make of one
@@ -49,7 +50,10 @@ pub fn read(records: &Path, question: &Question<'_>, keys: &[PublicKey]) -> Resu
         return Ok(standing);
     }
     // A failed run may lie in a folder that cannot be read.
-    reader::check_readable(records, question.serial_number)?;
+    let wanted = Wanted { serial_number: Some(question.serial_number), ..Wanted::default() };
+    if let Some(error) = reader::unread(records, wanted)?.pop() {
+        return Err(error);
+    }
     let mut seals = Seals::new(records).with_keys(keys);
     let Closed { counted, later, mut missing } = closed(records, question, &mut seals)?;
     missing.extend(gone(records, question, counted.as_ref().map(|(number, ..)| *number), &mut seals)?);

@@ -164,7 +164,12 @@ pub(crate) fn resolve(records: &Path, named: &Path) -> Result<Vec<PathBuf>, Stor
     }
     let Some(serial_number) = named.to_str() else { return Ok(Vec::new()) };
     let wanted = Wanted { serial_number: Some(serial_number), ..Wanted::default() };
-    Ok(reader::wanted(records, wanted)?.map(|found| found.path).collect())
+    let runs: Vec<PathBuf> = reader::wanted(records, wanted)?.map(|found| found.path).collect();
+    // What cannot be read is not called missing.
+    match reader::unread(records, wanted)?.pop() {
+        Some(error) if runs.is_empty() => Err(error),
+        _ => Ok(runs),
+    }
 }
 
 /// The runs that the user named, and the records folder in which they were looked for. A path to a run needs no such

@@ -1,6 +1,7 @@
 //! Cases that a check once passed without a word: a folder without runs, a module whose run was taken away, a folder that another
 //! program holds, a head that a person types, files without rights, and files of a file manager.
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::os::unix::fs::{PermissionsExt as _, chown};
 
@@ -160,6 +161,50 @@ fn a_head_is_typed_in_capitals() {
     }
 }
 
+/// Runs a command on the records of a place as a user who has no right to this part of them. Returns the exit code, and what it said.
+fn without_rights_to(spoiled: &Path, place: &tempfile::TempDir, arguments: &[&OsStr]) -> (Option<i32>, String) {
+    fs::set_permissions(place.path(), fs::Permissions::from_mode(0o755)).expect("rights");
+    if nix::unistd::geteuid().is_root() {
+        for found in tree(place.path()).expect("a tree").into_keys() {
+            chown(place.path().join(found), Some(UNPRIVILEGED), Some(UNPRIVILEGED)).expect("an owner");
+        }
+    }
+    fs::set_permissions(spoiled, fs::Permissions::from_mode(0o000)).expect("rights");
+    let mut command = without_rights(STATION, place.path());
+    command.args(arguments).arg("--records").arg(place.path().join("records"));
+    command.stdin(Stdio::null()).env("NO_COLOR", "1").env("LC_ALL", "C.UTF-8").current_dir(place.path());
+    let output = command.output().expect("the station");
+    fs::set_permissions(spoiled, fs::Permissions::from_mode(0o755)).expect("rights");
+    (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
+}
+
+/// A folder that may not be read may hold a failed run: a list names it, and its module is not called one without runs.
+#[test]
+fn a_list_names_the_folders_that_it_may_not_read() {
+    let kept = Kept::new();
+    for path in ["2026-11-28", "2026-11-28/T-2"] {
+        let (place, records) = copied(&kept);
+        let spoiled = records.join(path);
+        let said = |words: &[&str]| {
+            let words: Vec<&OsStr> = words.iter().map(OsStr::new).collect();
+            without_rights_to(&spoiled, &place, &words)
+        };
+        for more in
+            [&["records", "list"][..], &["records", "list", "--json"], &["records", "list", "--serial-number", "T-2"]]
+        {
+            let (code, said) = said(more);
+            assert_eq!(code, Some(2), "{path}, {more:?}: {said}");
+            assert!(said.contains(&format!("cannot read {}", spoiled.display())), "{path}, {more:?}: {said}");
+        }
+        let (code, shown) = said(&["records", "show", "T-2"]);
+        assert_eq!(code, Some(2), "{path}: {shown}");
+        assert!(shown.contains("cannot read") && !shown.contains("there is no run"), "{path}: {shown}");
+        // Another module's list says nothing of this one's folder.
+        let (code, other) = said(&["records", "list", "--serial-number", "T-9"]);
+        assert_eq!(code, Some(if path == "2026-11-28" { 2 } else { 0 }), "{path}: {other}");
+    }
+}
+
 /// Nothing that is there and may not be read is called missing, changed or cut off.
 #[test]
 fn what_may_not_be_read_is_called_unreadable() {
@@ -171,24 +216,11 @@ fn what_may_not_be_read_is_called_unreadable() {
         ["2026-11-28/CHAIN", "2026-11-29/CHAIN", "COUNTER", "2026-11-28", "2026-11-28/T-2", run].map(str::to_owned);
     for path in of_run.into_iter().chain(others) {
         let (place, records) = copied(&kept);
-        fs::set_permissions(place.path(), fs::Permissions::from_mode(0o755)).expect("rights");
         let key = place.path().join("key.pub");
         fs::copy(&kept.public_key, &key).expect("a key");
-        let is_root = nix::unistd::geteuid().is_root();
-        if is_root {
-            for found in tree(place.path()).expect("a tree").into_keys() {
-                chown(place.path().join(found), Some(UNPRIVILEGED), Some(UNPRIVILEGED)).expect("an owner");
-            }
-        }
-        let spoiled = records.join(&path);
-        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o000)).expect("rights");
-        let mut command = without_rights(STATION, place.path());
-        command.args(["records", "verify", "--records"]).arg(&records).arg("--key").arg(&key);
-        command.stdin(Stdio::null()).env("NO_COLOR", "1").env("LC_ALL", "C.UTF-8").current_dir(place.path());
-        let output = command.output().expect("the station");
-        let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
-        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o755)).expect("rights");
-        assert_eq!(output.status.code(), Some(2), "{path}: {said}");
+        let arguments: [&OsStr; 4] = ["records".as_ref(), "verify".as_ref(), "--key".as_ref(), key.as_ref()];
+        let (code, said) = without_rights_to(&records.join(&path), &place, &arguments);
+        assert_eq!(code, Some(2), "{path}: {said}");
         // Told once, with what to do, and not as a change.
         assert_eq!(said.matches("Permission denied").count(), 1, "{path}: {said}");
         let closing = "gnc-station: some of these records cannot be read, so nothing shows whether they are as they were written\n  \
@@ -212,20 +244,8 @@ fn what_may_not_be_read_hides_no_change() {
         let (place, records) = copied(&kept);
         let Some(changed) = fs::read_to_string(records.join(change)).ok() else { continue };
         fs::write(records.join(change), changed.replace("small", "large")).expect("a change");
-        fs::set_permissions(place.path(), fs::Permissions::from_mode(0o755)).expect("rights");
-        if nix::unistd::geteuid().is_root() {
-            for found in tree(place.path()).expect("a tree").into_keys() {
-                chown(place.path().join(found), Some(UNPRIVILEGED), Some(UNPRIVILEGED)).expect("an owner");
-            }
-        }
-        let spoiled = records.join(closed);
-        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o000)).expect("rights");
-        let mut command = without_rights(STATION, place.path());
-        command.args(["records", "verify", "--records"]).arg(&records).stdin(Stdio::null());
-        let output = command.env("LC_ALL", "C.UTF-8").current_dir(place.path()).output().expect("the station");
-        let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
-        fs::set_permissions(&spoiled, fs::Permissions::from_mode(0o755)).expect("rights");
-        assert_eq!(output.status.code(), Some(1), "{change}, {closed}: {said}");
+        let (code, said) = without_rights_to(&records.join(closed), &place, &["records".as_ref(), "verify".as_ref()]);
+        assert_eq!(code, Some(1), "{change}, {closed}: {said}");
         assert!(said.contains("run.json was changed") && !said.contains("missing"), "{change}, {closed}: {said}");
     }
 }

@@ -387,26 +387,36 @@ pub(crate) fn folders_of(serial_number: &str) -> Vec<String> {
     names
 }
 
-/// Runs in the folders of a module on a day, oldest first.
-/// Whether the folders of a module, and those of the runs that stand apart, can be read on each day. One that is not there, or is no
-/// folder, has no runs.
+/// The days and the folders of modules in which wanted runs may lie and that cannot be read, each with its error. One that is not
+/// there, or is no folder, has no runs. Of a module also the runs that stand apart are looked at.
 ///
 /// # Errors
-/// A folder that cannot be read.
-pub(crate) fn check_readable(records: &Path, serial_number: &str) -> Result<(), StoreError> {
-    let mut names = folders_of(serial_number);
-    names.push(UNASSIGNED.to_owned());
-    for day in folders(records)?.iter().filter(|day| is_day(day)) {
-        for name in &names {
-            match folders(&day.join(name)) {
-                Err(StoreError::File { source, .. }) if !says_nothing(&source) => {}
-                other => drop(other?),
+/// The folder itself cannot be read.
+pub fn unread(records: &Path, wanted: Wanted<'_>) -> Result<Vec<StoreError>, StoreError> {
+    let of = |folder: &Path| match folders(folder) {
+        Err(StoreError::File { source, .. }) if !says_nothing(&source) => Ok(Vec::new()),
+        read => read,
+    };
+    let mut unread = Vec::new();
+    let days = folders(records)?;
+    for day in days.iter().filter(|path| day_of(path).is_some_and(|day| wanted.has_day(day))) {
+        let modules = match (of(day), wanted.serial_number) {
+            (Err(error), _) => {
+                unread.push(error);
+                continue;
             }
-        }
+            (Ok(all), None) => all,
+            (Ok(_), Some(serial_number)) => {
+                let names = folders_of(serial_number).into_iter().chain([UNASSIGNED.to_owned()]);
+                names.map(|name| day.join(name)).collect()
+            }
+        };
+        unread.extend(modules.iter().filter_map(|module| of(module).err()));
     }
-    Ok(())
+    Ok(unread)
 }
 
+/// Runs in the folders of a module on a day, oldest first.
 fn runs_of_module(day: &Path, serial_number: &str) -> Vec<PathBuf> {
     let of_both = folders_of(serial_number).into_iter().map(|name| folders(&day.join(name)).unwrap_or_default());
     let mut runs: Vec<PathBuf> = of_both.flatten().collect();
@@ -551,8 +561,10 @@ fn folders(dir: &Path) -> Result<Vec<PathBuf>, StoreError> {
     for entry in on(fs::read_dir(dir), "read", dir)? {
         let path = on(entry, "read", dir)?.path();
         // A link to a folder is none of the records, wherever it leads; `verify` names it.
-        if path.symlink_metadata().is_ok_and(|meta| meta.is_dir()) && !is_litter_folder(&path) {
-            found.push(path);
+        match path.symlink_metadata() {
+            Ok(meta) if meta.is_dir() && !is_litter_folder(&path) => found.push(path),
+            Err(error) if says_nothing(&error) => return on(Err(error), "read", &path),
+            _ => {}
         }
     }
     found.sort();

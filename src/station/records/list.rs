@@ -19,8 +19,9 @@ use gnc_text::{printable, shown_path};
 
 use super::place::RecordsPlace;
 use crate::args::ListArgs;
+use crate::exit_code::USAGE;
 use crate::progress::Progress;
-use crate::refusal::refuse;
+use crate::refusal::{complain, refuse};
 use crate::wording::Lines;
 use table::Line;
 
@@ -134,6 +135,10 @@ pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
         Ok(runs) => runs,
         Err(error) => return refuse(gnc_text::with_causes(&error), error.try_this()),
     };
+    let unread = match reader::unread(records, args.wanted()) {
+        Ok(unread) => unread,
+        Err(error) => return refuse(gnc_text::with_causes(&error), error.try_this()),
+    };
     let mut seals = Seals::new(records);
     let runs = runs.filter(|found| args.has(found, &mut seals));
     let out = io::BufWriter::new(io::stdout().lock());
@@ -145,8 +150,13 @@ pub(super) fn list(place: &RecordsPlace, args: &ListArgs) -> ExitCode {
         for_people(Lines::new(out), place, args, runs)
     };
     drop(progress);
+    // Runs in these folders are not in the list, and one of them may have failed.
+    for error in &unread {
+        complain(gnc_text::with_causes(error), error.try_this());
+    }
     match written {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) if unread.is_empty() => ExitCode::SUCCESS,
+        Ok(()) => ExitCode::from(USAGE),
         // The reader has seen enough.
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => match error.downcast::<StoreError>() {
