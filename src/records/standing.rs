@@ -348,8 +348,8 @@ fn past(folder: &Path, question: &Question<'_>, seals: &mut Seals<'_>) -> Result
         return Ok(Some(PastRun { is_broken, ..nameless(folder, question, flaw) }));
     }
     if !is_named {
-        // Two serial numbers may share one folder, and some file systems ignore the case of letters. The station files no run of a
-        // third one there: it took the place of another.
+        // Two serial numbers may share one folder, and some file systems ignore the case of letters. A station files no run of any
+        // other number there: such a run stands in the place of one that a person took away.
         let of = folder.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
         let is_of_folder = reader::folders_of(&facts.serial_number).iter().any(|name| name.eq_ignore_ascii_case(&of));
         let swapped = || PastRun { is_broken: true, ..nameless(folder, question, Flaw::Changed) };

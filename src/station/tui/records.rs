@@ -26,7 +26,7 @@ pub(crate) struct Day {
 /// What a run is called in a list, in a word.
 pub(crate) fn word(face: Face, texts: &Texts) -> &'static str {
     match face {
-        // Nothing in a list reads as a pass that is none.
+        // A run that was closed late is no pass, so a list does not call it passed.
         Face::Late(verdict) if verdict.of_items().is_good() => texts.closed_late,
         Face::Ended(verdict) | Face::Late(verdict) => texts.word_of(verdict),
         Face::Interrupted => texts.interrupted,
